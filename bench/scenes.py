@@ -14,8 +14,8 @@ import numpy as np
 
 from bench import REPOSITORY
 from synth.engine.engine import Engine
-from synth.instrument.plan import FLOAT32, FLOAT64
 from synth.instrument.preset import Preset, load_preset, parse_preset, playable_range
+from synth.instrument.qualities import FLOAT32, FLOAT64
 from synth.midi.events import EVENT, NOTE_ON, make_events
 from synth.midi.song import read_song
 from synth.native.denormals import enable_ftz, restore

@@ -1,5 +1,5 @@
 """Imports go one way only: _version, signals, spelling, units, panning, files → native → jit → midi → physics, solver, dsp →
-instrument → engine, research → host, fit → study → live → drone, author → plugin, dataset → cli.
+instrument → engine, research → host, fit → study → live → drone, author, dataset → plugin → cli.
 """
 
 import ast
@@ -28,8 +28,8 @@ FLOORS = (
     {"study"},
     {"setup"},
     {"live"},
-    {"drone", "author"},
-    {"plugin", "dataset"},
+    {"drone", "author", "dataset"},
+    {"plugin"},
     {"cli"},
     {"__main__"},
 )
@@ -148,6 +148,22 @@ def test_modules_are_named_apart() -> None:
     assert {name for name, count in names.items() if count > 1} == SHARED_NAMES
 
 
+#: names that two public classes have, each
+SHARED_CLASSES = {
+    "Body", "BodyMode", "Measured", "Model", "Note", "Pluck", "Run", "Settings", "State", "StringTable", "Study", "Words",
+}  # fmt: skip
+
+
+def test_classes_are_named_apart() -> None:
+    names: Counter[str] = Counter()
+    for path in FILES:
+        names.update(
+            node.name for node in ast.parse(path.read_text(encoding="utf-8")).body if isinstance(node, ast.ClassDef)
+        )
+    twice = {name: count for name, count in names.items() if count > 1 and not name.startswith("_")}
+    assert twice == dict.fromkeys(SHARED_CLASSES, 2)
+
+
 def test_neighbours_do_not_know_each_other() -> None:
     assert not allowed("solver", "physics")
     assert not allowed("dsp", "instrument")
@@ -158,3 +174,81 @@ def test_the_files_that_come_first_are_there():
     from tests.conftest import LONGEST
 
     assert [name for name in LONGEST if not (PACKAGE.parent / name).is_file()] == []
+
+
+#: of an engine: its tables, and what its threads share
+INSIDE_AN_ENGINE = {"_core", "_voices", "_shared"}
+TOOLS = sorted((PACKAGE.parent / "tools").rglob("*.py"))
+
+
+def private_names_imported(source: str, path: Path) -> list[str]:
+    """Private names of other modules of the package that a source imports, or reads as attributes of an imported module."""
+    package = ("synth", *path.relative_to(PACKAGE).parent.parts) if path.is_relative_to(PACKAGE) else ()
+    modules: dict[str, str] = {}
+    found: list[str] = []
+    tree = ast.parse(source)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            modules |= {alias.asname or alias.name: alias.name for alias in node.names if alias.name.startswith("synth.")}
+        elif isinstance(node, ast.ImportFrom):
+            base = [*package[: len(package) - node.level + 1]] if node.level else []
+            base += node.module.split(".") if node.module else []
+            if base[:1] != ["synth"]:
+                continue
+            for alias in node.names:
+                name = ".".join([*base, alias.name])
+                if PACKAGE.parent.joinpath(*base, f"{alias.name}.py").is_file():
+                    modules[alias.asname or alias.name] = name
+                elif re.match("_[^_]", alias.name):
+                    found.append(name)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and re.match("_[^_]", node.attr) and ast.unparse(node.value) in modules:
+            found.append(f"{modules[ast.unparse(node.value)]}.{node.attr}")
+    return found
+
+
+def engine_insides_read(source: str) -> list[str]:
+    """Attributes of INSIDE_AN_ENGINE in a source, but for those of an object's own whose class inherits nothing."""
+    tree = ast.parse(source)
+    own: set[ast.AST] = set()
+    for kind in ast.walk(tree):
+        if isinstance(kind, ast.ClassDef) and not kind.bases:
+            own |= {node for node in ast.walk(kind) if isinstance(node, ast.Attribute) and ast.unparse(node.value) == "self"}
+    found = (node for node in ast.walk(tree) if isinstance(node, ast.Attribute) and node.attr in INSIDE_AN_ENGINE)
+    return [ast.unparse(node) for node in found if node not in own]
+
+
+@pytest.mark.parametrize("path", [*FILES, *TOOLS], ids=lambda path: str(path.relative_to(PACKAGE.parent)))
+def test_private_names_stay_in_their_module(path: Path) -> None:
+    source = path.read_text(encoding="utf-8")
+    assert private_names_imported(source, path) == []
+    if not path.is_relative_to(PACKAGE / "engine"):
+        assert engine_insides_read(source) == [], "use Engine.observe or Engine.memory"
+
+
+@pytest.mark.parametrize(
+    ("source", "found"),
+    [
+        ("from synth.engine.tasks import work_on, _is_one_string", ["synth.engine.tasks._is_one_string"]),
+        ("def f():\n    from .decks import _free", ["synth.live.decks._free"]),
+        ("from synth.engine import team\nteam._attend(1)", ["synth.engine.team._attend"]),
+        ("import synth.engine.team\nsynth.engine.team._attend(1)", ["synth.engine.team._attend"]),
+        ("from synth.engine import team as other\nother.LEFT, other._attend", ["synth.engine.team._attend"]),
+        ("import os\nfrom numba.core import _own\nfrom synth import _version\nos._exit(0), self._own", []),
+    ],
+)
+def test_the_check_sees_private_names(source: str, found: list[str]) -> None:
+    assert private_names_imported(source, PACKAGE / "live" / "x.py") == found
+
+
+@pytest.mark.parametrize(
+    ("source", "found"),
+    [
+        ("class Taped(Engine):\n    def prepare(self):\n        self._core = self.core", ["self._core"]),
+        ("class Voices:\n    def add(self):\n        self._voices.append(1)", []),
+        ("class Reader:\n    def read(self, engine):\n        return engine._shared.task", ["engine._shared"]),
+        ("def read(engine):\n    return engine._core", ["engine._core"]),
+    ],
+)
+def test_the_check_sees_the_insides_of_an_engine(source: str, found: list[str]) -> None:
+    assert engine_insides_read(source) == found

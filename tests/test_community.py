@@ -52,7 +52,7 @@ def test_the_workflow_runs_what_there_is() -> None:
     for command in commands:
         words = command.split()
         if words[0] == "synth" and "--version" not in words:
-            cli._parser().parse_args(words[1:])
+            cli.command_parser().parse_args(words[1:])
     files = [word for command in commands for word in command.split() if word.startswith("presets/")]
     assert files and all((ROOT / file).is_file() for file in files)
 

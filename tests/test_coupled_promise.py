@@ -23,9 +23,10 @@ from synth.dsp.measures import relative_error
 from synth.instrument.compile import describe_plan, string_kind
 from synth.instrument.coupled_calibration import HELD, PITCHES_HZ
 from synth.instrument.coupled_plan import choose_steps, limits_together, promise_together
-from synth.instrument.plan import BRIDGE, FAR, FREE, IMPACTS, QUALITIES, choose_factor, promise
+from synth.instrument.plan import BRIDGE, FAR, FREE, IMPACTS, choose_factor, promise
 from synth.instrument.planfile import PROMISED
 from synth.instrument.preset import load_preset
+from synth.instrument.qualities import QUALITIES
 
 SCENES = Path(__file__).parent / "scenes" / "coupled.npz"
 

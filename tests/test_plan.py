@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from synth.dsp.decimator import MAXIMUM_FACTOR
 from synth.dsp.measures import relative_error
+from synth.dsp.rates import MAXIMUM_FACTOR
 from synth.instrument.calibration import STEPS
 from synth.instrument.compile import describe_plan, open_string, string_kind
 from synth.instrument.plan import (

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from synth.dsp.decimator import MAXIMUM_FACTOR
+from synth.dsp.rates import MAXIMUM_FACTOR
 from synth.instrument.compile import compile_preset, describe_plan, measured_of
 from synth.instrument.fingerprints import fingerprint, strokes
 from synth.instrument.planfile import (

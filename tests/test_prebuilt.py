@@ -82,15 +82,15 @@ def test_it_is_taken_from_the_cache_and_sooner_from_the_package(home: Path, libr
 
 
 def test_it_has_what_an_engine_calls_and_nothing_else(home: Path, library_file: Path) -> None:
-    from synth.engine.tasks import _work_on
+    from synth.engine.tasks import work_on
 
     shutil.copy(library_file, home)
     found = prebuilt.Found()
-    assert found.address(_work_on) is not None
+    assert found.address(work_on) is not None
     assert found.address(own_name) is None  # of another package
     assert found.address(prebuilt.places) is None
     shutil.rmtree(home.parent)
-    assert prebuilt.Found().address(_work_on) is None
+    assert prebuilt.Found().address(work_on) is None
 
 
 def test_one_may_be_named(home: Path, library_file: Path, monkeypatch, tmp_path) -> None:
@@ -381,12 +381,12 @@ def test_an_entry_is_compiled_once_and_known_by_its_address() -> None:
 ENTRIES = """
 import ctypes, sys
 import numpy as np
-from synth.engine.tasks import _work_on
+from synth.engine.tasks import work_on
 from synth.engine.voices.policy import decide
 from synth.dsp.limiter_effect import LIMITER
 from synth.jit import prebuilt
 from synth.jit.entries import Entry, entered, entry
-for function, words, answers in ((_work_on, 4, False), (decide, 1, False), (LIMITER.silent, 1, True)):
+for function, words, answers in ((work_on, 4, False), (decide, 1, False), (LIMITER.silent, 1, True)):
     made = entry(function, words, answers)
     assert isinstance(made, Entry) and made.address == prebuilt.found().address(function)
     assert entered(made.address) is function

@@ -99,8 +99,8 @@ def test_a_jack_client_compiles_nothing(library_file: Path, tmp_path: Path, comm
 VIEW = """
 import hashlib
 import numpy as np
-from synth.author.views.place import find
-from synth.author.views.tape import Taped
+from synth.instrument.place import find
+from synth.host.string_tape import Taped
 from synth.instrument.compile import static_state
 from synth.instrument.preset import load_preset
 from synth.jit import compiling, prebuilt

@@ -10,11 +10,12 @@ import pytest
 from synth.dsp.measures import decay_time_s
 from synth.engine.engine import Engine
 from synth.fit.loudness import phrase_sound
-from synth.fit.tune import measure, single_strings
+from synth.fit.tune import measure
 from synth.host import general_midi
 from synth.host.parts import Choice
 from synth.instrument.compile import open_string
 from synth.instrument.loudness_phrase import RATE_HZ, TARGET_LUFS, TOLERANCE_LU
+from synth.instrument.neck import single_strings
 from synth.instrument.preset import (
     FORMAT,
     MIGRATIONS,

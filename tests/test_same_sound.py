@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from synth.engine.parameters import INDEX_OF
-from synth.instrument.plan import QUALITIES
+from synth.instrument.qualities import QUALITIES
 from synth.midi import events
 from synth.research.case import case_names
 from synth.solver.schemes import LAWS, SCHEMES

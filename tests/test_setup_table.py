@@ -15,11 +15,10 @@ from synth.author.views.instrument import draw
 from synth.author.views.parameters import describe
 from synth.engine.engine import Engine
 from synth.fit.fret_model import FretModel, action_mm, action_settings, with_action
-from synth.fit.tune import single_strings
 from synth.instrument.check import problems
 from synth.instrument.compile import axial_stiffness, compile_preset, measured_of, obstacle_of, open_string
 from synth.instrument.fingerprints import fingerprint
-from synth.instrument.neck import alone, obstacle_under, strung
+from synth.instrument.neck import alone, obstacle_under, single_strings, strung
 from synth.instrument.preset import (
     BoardObstacle,
     FretsObstacle,

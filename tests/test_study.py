@@ -23,7 +23,7 @@ from synth.study.addressing import Addresses
 from synth.study.conducting import Counts
 from synth.study.design import Design, spread
 from synth.study.drawing import pareto
-from synth.study.keeping import Folder, Keys
+from synth.study.keeping import AddressSet, Folder
 from synth.study.remote import Remote
 from synth.study.showing import standing
 from synth.study.studyfile import StudyError, read_study
@@ -222,7 +222,7 @@ def test_a_case_s_file_counts_by_what_is_in_it(tmp_path: Path) -> None:
 
 
 def test_a_set_of_addresses() -> None:
-    keys, there = Keys(), [f"{number:064x}"[::-1] for number in range(70_000)]
+    keys, there = AddressSet(), [f"{number:064x}"[::-1] for number in range(70_000)]
     for key in there:
         keys.add(key)
     assert len(keys) == 70_000 and all(key in keys for key in there[::997]) and "f" * 64 not in keys
@@ -764,7 +764,7 @@ def test_the_command_in_words(tmp_path: Path, capsys: pytest.CaptureFixture[str]
 
 
 def test_asking_for_help_loads_no_dask() -> None:
-    program = "import sys\nfrom synth.cli import _parser\n_parser()\n"
+    program = "import sys\nfrom synth.cli import command_parser\ncommand_parser()\n"
     program += "print(*{'dask', 'pandas', 'pyarrow', 'numpy'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from synth.fit.tune import TUNING_RANGE, calibrate, measure, measure_all, retuned, single_strings, tunings, worst
+from synth.fit.tune import TUNING_RANGE, calibrate, measure, measure_all, retuned, tunings, worst
+from synth.instrument.neck import single_strings
 from synth.instrument.preset import load_preset
 from tests.forkserver import prepared
 from tests.patience import compiling_s

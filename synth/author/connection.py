@@ -11,7 +11,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from synth.author.document import Document
 from synth.author.errors import one_line
-from synth.author.sound import Player
+from synth.author.sound import PagePlayer
 
 
 class Stage:
@@ -51,7 +51,7 @@ class Connection:
         self._stage = stage
         self._loop = asyncio.get_running_loop()
         self._waiting: asyncio.Queue[dict[str, Any] | bytes] = asyncio.Queue()
-        self.player = Player(
+        self.player = PagePlayer(
             document,
             self._post_from_player,
             rate_hz=rate_hz,

@@ -23,9 +23,9 @@ from typing import Any
 import tomlkit
 
 from synth.author import changes
-from synth.author.views.place import first_note
 from synth.author.workspace import check_regular, read_text, regular
 from synth.files.targets import is_special, write_text
+from synth.instrument.place import first_note
 from synth.instrument.planfile import MeasuredPlan, PlanError, path_of, read_beside, text_of
 from synth.instrument.preset import FORMAT, Preset, PresetError, format_of, migrate, playable_notes, preset_folder
 from synth.instrument.ways import switch_keys

@@ -24,7 +24,7 @@ from synth.author.phrases import Phrase, phrase
 from synth.author.speaker import Speaker
 from synth.author.voice import BLOCK, Voice, phrase_preset, prepared_engine
 from synth.engine.engine import Engine
-from synth.fit.tune import single_strings
+from synth.instrument.neck import single_strings
 from synth.instrument.preset import Preset, playable_notes
 from synth.instrument.ways import switch_keys
 from synth.midi.events import BEND, CONTROL, NOTE_OFF, NOTE_ON
@@ -55,7 +55,7 @@ Emit = Callable[[dict[str, Any] | bytes], object]
 Key = tuple[str, frozenset[int] | None]
 
 
-class Player:
+class PagePlayer:
     """Sounds a document.
 
     emit     is given messages (dict) and blocks (bytes), from the player's own thread

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from synth.author.document import version_fingerprint
-from synth.author.worker import Worker, compute
+from synth.author.worker import ComputeProcess, compute
 from synth.instrument.preset import Preset
 
 #: answers that are kept
@@ -46,7 +46,7 @@ class Viewer:
     """Computes views; see the module's docstring."""
 
     def __init__(self) -> None:
-        self._worker = Worker()
+        self._worker = ComputeProcess()
         self._turn = asyncio.Lock()
         self._kept: OrderedDict[tuple[Any, ...], bytes] = OrderedDict()
 

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from synth.author.phrases import Phrase, phrase
-from synth.author.views.place import find
 from synth.engine.engine import Engine
 from synth.host import offline
 from synth.host.audiofile import float_wav
 from synth.instrument.articulations import NORMAL
+from synth.instrument.place import find
 from synth.instrument.preset import Preset, load_preset
 from synth.midi.events import EVENT, NOTE_ON, make_events
 

@@ -24,7 +24,7 @@ def compute(module: str, function: str, preset: Preset, arguments: Mapping[str, 
     return json.dumps(found, allow_nan=False, separators=(",", ":")).encode()
 
 
-class Worker:
+class ComputeProcess:
     """One process, one computation at a time. It ends with the server, however that ends."""
 
     def __init__(self) -> None:

@@ -64,7 +64,7 @@ def _run(arguments: Sequence[str] | None, ends: bool) -> int:
     with streams.ready(wording), _raising_on_termination():
         try:
             try:
-                options = _parser().parse_args(arguments)
+                options = command_parser().parse_args(arguments)
                 if (code := bits.settle(options, arguments, ends)) is not None:
                     return code
                 shown = {name: getattr(options, name, False) for name in ("quiet", "verbose")}
@@ -147,7 +147,7 @@ def _message(error: Exception) -> str:
     return str(error) or type(error).__name__
 
 
-def _parser() -> argparse.ArgumentParser:
+def command_parser() -> argparse.ArgumentParser:
     parser = Parser(prog="synth", description="Strings that collide: a MIDI file in, sound out.", allow_abbrev=False)
     version = f"synth (jawari) {__version__}"
     parser.add_argument("--version", action="version", version=version, help="show the version and exit")

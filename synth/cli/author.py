@@ -7,7 +7,7 @@ import importlib.util
 import signal
 from typing import Any
 
-from synth.cli.common import QUALITIES, add_verbose, number, rate
+from synth.cli.common import add_setting, add_verbose, number, rate
 
 
 def add(commands: Any) -> None:
@@ -25,7 +25,7 @@ def add(commands: Any) -> None:
     parser.add_argument(
         "-r", "--rate", type=rate, default=44100, metavar="HZ", help="44100 (default), 48000, 88200 or 96000"
     )
-    parser.add_argument("--quality", choices=QUALITIES, default="standard", help="accuracy; see `synth plan`")
+    add_setting(parser, "--quality", "quality")
     add_verbose(parser)
     parser.set_defaults(run=_author)
 

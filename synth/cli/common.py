@@ -13,15 +13,14 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
-from typing import Any, NoReturn
+from typing import Any, NoReturn, cast
 
 from synth.cli import colours
+from synth.engine.engine_settings import DEFAULTS, SETTINGS, EngineOptions
 from synth.solver.schemes import LAWS
 from synth.spelling import perhaps
 
 RATES_HZ = (44100, 48000, 88200, 96000)
-QUALITIES = ("draft", "standard", "fine", "reference")
-PRECISIONS = ("float64", "float32")
 MOST_BLOCK = 4096
 
 
@@ -121,7 +120,8 @@ def tail(text: str) -> float | str:
 
 def threads(text: str) -> int | str:
     """An option's type: how many threads, or 'auto'."""
-    return text if text == "auto" else int(number(int, 1, 256, " (or auto)")(text))
+    least, most = SETTINGS["threads"].typed or (1, 1)
+    return text if text == "auto" else int(number(int, least, most, " (or auto)")(text))
 
 
 def setting(text: str) -> tuple[str | None, str, str]:
@@ -152,25 +152,33 @@ def seconds_or(*words: str) -> Callable[[str], float | str]:
     return parse
 
 
+def add_setting(group: Any, flag: str, name: str, **more: Any) -> None:
+    """An option for a setting of the engine, with its default, words and bounds unless `more` has others; of its name."""
+    known = SETTINGS[name]
+    options: dict[str, Any] = {"dest": name, "default": DEFAULTS[name], "help": known.words}
+    if known.choices:
+        options["choices"] = known.choices
+    elif known.typed is not None:
+        low, high = known.typed
+        options["type"] = number(type(low), low, high, known.unit)
+    group.add_argument(flag, **options | more)
+
+
+def engine_options(options: argparse.Namespace) -> EngineOptions:
+    """The settings of the engine that a command line has."""
+    given = {name: getattr(options, name, None) for name in SETTINGS}
+    return cast(EngineOptions, {name: value for name, value in given.items() if value is not None})
+
+
 def add_physics(group: Any, default_rate: int | None = 44100) -> None:
     """Options that every command with a rate and a quality has."""
     group.add_argument(
         "-r", "--rate", type=rate, default=default_rate, metavar="HZ", help="44100 (default), 48000, 88200 or 96000"
     )
-    group.add_argument("--quality", choices=QUALITIES, default="standard", help="accuracy; see `synth plan`")
-    laws = f"contact law: {', '.join(LAWS)}, or an installed one"
-    group.add_argument("--scheme", type=scheme(LAWS), default="exact-hold", metavar="NAME", help=laws)
-    group.add_argument(
-        "--precision",
-        choices=PRECISIONS,
-        help="precision of the strings' modes (default: float32 at draft and standard, otherwise float64)",
-    )
-    group.add_argument(
-        "--internal-rate",
-        type=number(int, 44100, 50_000_000, " Hz"),
-        metavar="HZ",
-        help="rate of the string model, a multiple of --rate (default: chosen by --quality)",
-    )
+    add_setting(group, "--quality", "quality")
+    add_setting(group, "--scheme", "scheme", type=scheme(LAWS), metavar="NAME")
+    add_setting(group, "--precision", "precision")
+    add_setting(group, "--internal-rate", "internal_rate_hz", metavar="HZ")
 
 
 def add_instruments(group: Any) -> None:
@@ -196,9 +204,7 @@ def add_instruments(group: Any) -> None:
     add_settings(group)
     variation = "how much strokes of a preset with a human hand vary: 0 not at all, 1 (default) as the preset says, up to 2"
     group.add_argument("--variation", type=number(float, 0, 2), default=1.0, metavar="SHARE", help=variation)
-    group.add_argument(
-        "--polyphony", type=number(int, 1, 1024), metavar="N", help="maximum number of strings sounding at once"
-    )
+    add_setting(group, "--polyphony", "polyphony", metavar="N")
     group.add_argument("--tuning", metavar="FILE.scl", help="Scala scale")
     group.add_argument("--kbm", metavar="FILE.kbm", help="Scala keyboard mapping")
 
@@ -239,29 +245,17 @@ def add_controllers(group: Any) -> None:
         metavar="N=PARAMETER[:AT_0:AT_127]",
         help="controller N sets a live parameter, such as 74=pluck.position; may be repeated",
     )
-    group.add_argument("--mpe", action="store_true", help="start with an MPE zone: every note has its own channel")
+    add_setting(group, "--mpe", "mpe", action="store_true")
 
 
 def add_seed(group: Any) -> None:
     """--seed."""
-    group.add_argument(
-        "--seed",
-        type=number(int, 0, 2**31 - 1),
-        default=0,
-        metavar="N",
-        help="seed of the variation of strokes and of the dither: the same seed gives the same sound (default 0)",
-    )
+    add_setting(group, "--seed", "seed", metavar="N")
 
 
 def add_threads(group: Any) -> None:
     """--threads."""
-    group.add_argument(
-        "--threads",
-        type=threads,
-        default="auto",
-        metavar="N",
-        help="number of threads, or auto (default): one per processor (no effect on the sound)",
-    )
+    add_setting(group, "--threads", "threads", type=threads, default="auto", metavar="N")
 
 
 def add_verbose(group: Any) -> None:

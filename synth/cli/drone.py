@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from synth.cli.common import (
     MOST_BLOCK,
-    QUALITIES,
     ProgressLine,
+    add_setting,
     add_settings,
     add_threads,
     add_verbose,
@@ -26,7 +26,7 @@ from synth.cli.dronestrings import add_hand, add_strings, check_strings, pitches
 
 if TYPE_CHECKING:
     from synth.drone.cycle import Cycle
-    from synth.drone.pegs import Strings
+    from synth.drone.pegs import TunedStrings
 
 FILE_S = 300.0
 FADE_S = 5.0
@@ -103,9 +103,9 @@ def add(commands: Any) -> None:
         metavar="SEC",
         help=f"fade-out at the end (default {FADE_S:g}, at most a quarter)",
     )
-    both.add_argument("--gain", type=number(float, -96, 96, " dB"), default=0.0, metavar="DB", help="gain in dB")
+    add_setting(both, "--gain", "gain_db", metavar="DB")
     both.add_argument("-r", "--rate", type=rate, metavar="HZ", help="44100 (default), 48000, 88200 or 96000")
-    both.add_argument("--quality", choices=QUALITIES, default="standard", help="accuracy; see `synth plan`")
+    add_setting(both, "--quality", "quality")
     add_threads(both)
     both.add_argument("--quiet", action="store_true", help="print errors only")
     add_verbose(both)
@@ -167,7 +167,7 @@ def _fade(options: argparse.Namespace) -> float:
     return min(FADE_S, 0.25 * _duration(options)) if options.fade is None else options.fade
 
 
-def _strings(options: argparse.Namespace) -> Strings:
+def _strings(options: argparse.Namespace) -> TunedStrings:
     """The preset, tuned. Raises ValueError naming the option."""
     from synth.drone.pegs import Pegs, tuned
     from synth.host.parts import load_presets
@@ -191,7 +191,7 @@ def _cycle(options: argparse.Namespace) -> Cycle:
     return Cycle(seconds, options.spacing, options.human, options.velocity, options.seed)
 
 
-def _to_file(options: argparse.Namespace, strings: Strings, cycle: Cycle) -> int:
+def _to_file(options: argparse.Namespace, strings: TunedStrings, cycle: Cycle) -> int:
     from synth.drone.dronefile import FileSettings, write
 
     settings = FileSettings(
@@ -200,7 +200,7 @@ def _to_file(options: argparse.Namespace, strings: Strings, cycle: Cycle) -> int
         _fade(options),
         rate_hz=options.rate or 44100,
         quality=options.quality,
-        gain_db=options.gain,
+        gain_db=options.gain_db,
         threads=options.threads,
         container=options.format,
         bit_depth=options.bit_depth,
@@ -216,7 +216,7 @@ def _to_file(options: argparse.Namespace, strings: Strings, cycle: Cycle) -> int
     return 0
 
 
-def _live(options: argparse.Namespace, strings: Strings, cycle: Cycle) -> int:
+def _live(options: argparse.Namespace, strings: TunedStrings, cycle: Cycle) -> int:
     from synth.drone.cycle import Drone
     from synth.drone.tanpura_keys import DronePlayer, TanpuraKeys, strings_text
     from synth.files.targets import check_target
@@ -231,7 +231,7 @@ def _live(options: argparse.Namespace, strings: Strings, cycle: Cycle) -> int:
         made={strings.preset.name: strings.preset},
         quality=options.quality,
         threads=1 if options.threads == "auto" else options.threads,
-        gain_db=options.gain,
+        gain_db=options.gain_db,
         device=options.device,
         jack=options.jack,
         rate_hz=options.rate,

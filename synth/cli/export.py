@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from synth.cli.common import QUALITIES, RATES_HZ, ProgressLine, add_settings, number, warner
+from synth.cli.common import RATES_HZ, ProgressLine, add_setting, add_settings, number, warner
 from synth.cli.dronestrings import add_hand, add_strings, check_strings, pitches
 from synth.files.targets import check_folder
 from synth.plugin.platforms import BITS, TARGETS, host
@@ -60,7 +60,7 @@ def add(commands: Any) -> None:
     )
     parser.add_argument("--name", metavar="NAME", help="the plugin's name (default: the preset's; collection of several)")
     add_settings(parser)
-    parser.add_argument("--quality", choices=QUALITIES, default="standard", help="accuracy; see `synth plan`")
+    add_setting(parser, "--quality", "quality")
     parser.add_argument(
         "--rates",
         type=_rates,

@@ -7,7 +7,7 @@ import json
 import sys
 from typing import TYPE_CHECKING, Any
 
-from synth.cli.common import ProgressLine, add_physics, note_number
+from synth.cli.common import ProgressLine, add_physics, engine_options, note_number
 
 if TYPE_CHECKING:
     from synth.instrument.preset import Preset
@@ -51,21 +51,15 @@ def _plan(options: argparse.Namespace) -> int:
         quality=options.quality,
         rate_hz=options.rate,
         scheme=options.scheme,
-        internal_rate_hz=options.internal_rate,
+        internal_rate_hz=options.internal_rate_hz,
     )
     if options.measure:
         from dataclasses import asdict
 
+        from synth.engine.engine_settings import EngineSettings
         from synth.host.measured_cost import BLOCK, measure_cost
 
-        cost = measure_cost(
-            preset,
-            quality=options.quality,
-            rate_hz=options.rate,
-            scheme=options.scheme,
-            internal_rate_hz=options.internal_rate,
-            precision=options.precision,
-        )
+        cost = measure_cost(preset, rate_hz=options.rate, settings=EngineSettings(**engine_options(options)))
         plan["cost"] = {
             name: float(f"{value:.3g}") if isinstance(value, float) else value for name, value in asdict(cost).items()
         }

@@ -13,9 +13,11 @@ from synth.cli.common import (
     add_instruments,
     add_physics,
     add_seed,
+    add_setting,
     add_threads,
     add_verbose,
     asked_by_signals,
+    engine_options,
     number,
     print_unless_gone,
     seconds_or,
@@ -65,7 +67,7 @@ def add(commands: Any) -> None:
         action="store_true",
         help="under high load, damp the faintest strings instead of dropping out",
     )
-    sound.add_argument("--gain", type=number(float, -96, 96, " dB"), default=0.0, metavar="DB", help="gain in dB")
+    add_setting(sound, "--gain", "gain_db", metavar="DB")
 
     how = parser.add_argument_group("computation")
     add_physics(how, default_rate=None)
@@ -156,18 +158,9 @@ def _play(options: argparse.Namespace) -> int:
         tuning=options.tuning,
         keyboard=options.kbm,
         bindings=bindings,
-        mpe=options.mpe,
         gm=options.gm,
         only_strings=options.only_strings,
-        polyphony=options.polyphony,
-        seed=options.seed,
         variation=options.variation,
-        quality=options.quality,
-        scheme=options.scheme,
-        internal_rate_hz=options.internal_rate,
-        precision=options.precision,
-        threads=options.threads,
-        gain_db=options.gain,
         song=options.play,
         device=options.device,
         jack=options.jack,
@@ -185,6 +178,7 @@ def _play(options: argparse.Namespace) -> int:
         bit_depth=options.bit_depth,
         duration_s=options.duration,
         measure_latency=options.measure_latency,
+        **engine_options(options),
     )
     line = StatusLine(quiet=options.quiet)
     stop = Stop()

@@ -15,8 +15,10 @@ from synth.cli.common import (
     add_instruments,
     add_physics,
     add_seed,
+    add_setting,
     add_threads,
     add_verbose,
+    engine_options,
     number,
     tail,
     warner,
@@ -60,12 +62,7 @@ def add(commands: Any) -> None:
 
     how = parser.add_argument_group("computation")
     add_physics(how)
-    how.add_argument(
-        "--restitution",
-        type=number(float, 0, 1),
-        metavar="E",
-        help="restitution of the Moreau–Jean schemes, 0 (default) to 1",
-    )
+    add_setting(how, "--restitution", "restitution", default=None, metavar="E")
     how.add_argument(
         "--block",
         type=number(int, 1, MOST_BLOCK),
@@ -78,14 +75,14 @@ def add(commands: Any) -> None:
     bits.add_bits(how)
 
     level = parser.add_argument_group("level")
-    level.add_argument("--gain", type=number(float, -96, 96, " dB"), default=0.0, metavar="DB", help="gain in dB")
+    add_setting(level, "--gain", "gain_db", metavar="DB")
     level.add_argument(
         "--normalize",
         type=number(float, -96, 0, " dBFS"),
         metavar="DBFS",
         help="scale the peak to this level (default -1)",
     )
-    level.add_argument("--no-limiter", action="store_true", help="let peaks exceed full scale")
+    add_setting(level, "--no-limiter", "limiter", action="store_false", help="let peaks exceed full scale")
 
     out = parser.add_argument_group("output")
     out.add_argument("--format", choices=("wav", "flac", "raw"), help="default: by the file name's extension")
@@ -109,10 +106,10 @@ def _render(options: argparse.Namespace) -> int:
     # What can be judged without reading or loading anything comes first.
     if options.restitution is not None and options.scheme == "exact-hold":
         raise ValueError("--restitution belongs to the Moreau–Jean schemes; add --scheme moreau-jean")
-    if options.internal_rate is not None and options.internal_rate % options.rate:
+    if options.internal_rate_hz is not None and options.internal_rate_hz % options.rate:
         raise ValueError(
-            f"--internal-rate must be a multiple of --rate ({options.rate} Hz), got {options.internal_rate}; "
-            f"take {max(1, round(options.internal_rate / options.rate)) * options.rate}"
+            f"--internal-rate must be a multiple of --rate ({options.rate} Hz), got {options.internal_rate_hz}; "
+            f"take {max(1, round(options.internal_rate_hz / options.rate)) * options.rate}"
         )
     if options.output is None and options.stems is None:
         options.output = _default_output(options.midi, options.format)
@@ -133,15 +130,6 @@ def _render(options: argparse.Namespace) -> int:
         settings=options.settings,
         rate_hz=options.rate,
         block=options.block,
-        threads=options.threads,
-        quality=options.quality,
-        scheme=options.scheme,
-        restitution=0.0 if options.restitution is None else options.restitution,
-        internal_rate_hz=options.internal_rate,
-        precision=options.precision,
-        limiter=not options.no_limiter,
-        gain_db=options.gain,
-        polyphony=options.polyphony,
         normalize_dbfs=options.normalize,
         tail=options.tail,
         stems=options.stems,
@@ -149,18 +137,17 @@ def _render(options: argparse.Namespace) -> int:
         bit_depth=options.bit_depth,
         start_s=options.start,
         end_s=options.end,
-        seed=options.seed,
         variation=options.variation,
         tuning=options.tuning,
         keyboard=options.kbm,
         bindings=bindings,
-        mpe=options.mpe,
         transpose=parse_transpose(options.transpose),
         fold=options.fold,
         gm=options.gm,
         only_strings=options.only_strings,
         fallback=options.fallback,
         rest=options.rest,
+        **engine_options(options),
     )
 
     with ProgressLine(not options.quiet and sys.stderr.isatty()) as line:

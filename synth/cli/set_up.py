@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from synth.cli import common
 from synth.cli.common import ProgressLine
+from synth.instrument.qualities import QUALITIES
 
 if TYPE_CHECKING:
     from synth.instrument.preset import Preset
@@ -62,7 +63,7 @@ def add(commands: Any) -> None:
         "--audible", type=common.number(float, 0.5, 40, " dB"), metavar="DB",
         help="from how many dB on a buzz counts (default 3)",
     )  # fmt: skip
-    parser.add_argument("--quality", choices=common.QUALITIES, help="accuracy (default: draft, of a longest buzz standard)")
+    parser.add_argument("--quality", choices=QUALITIES, help="accuracy (default: draft, of a longest buzz standard)")
     parser.add_argument(
         "--threads", type=common.number(int, 1, 256), metavar="N", help="notes computed at a time (default: all processors)"
     )

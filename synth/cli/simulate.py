@@ -6,7 +6,8 @@ import argparse
 import json
 from typing import TYPE_CHECKING, Any, cast
 
-from synth.cli.common import QUALITIES, number, scheme, setting, warner
+from synth.cli.common import number, scheme, setting, warner
+from synth.instrument.qualities import QUALITIES
 from synth.signals import hearing_signals
 from synth.solver.schemes import ON_A_BODY, SCHEMES
 

@@ -14,7 +14,7 @@ from synth.units import duration
 if TYPE_CHECKING:
     from synth.study.conducting import Counts
     from synth.study.remote import Remote
-    from synth.study.sweeping import Opened
+    from synth.study.sweeping import OpenedStudy
 
 #: rows that --check shows
 _SHOWN = 5
@@ -117,7 +117,7 @@ def _status(folder: Path, as_json: bool) -> int:
     return 0
 
 
-def _run(opened: Opened, folder: Path, options: argparse.Namespace, scheduler: Remote | None) -> int:
+def _run(opened: OpenedStudy, folder: Path, options: argparse.Namespace, scheduler: Remote | None) -> int:
     from synth.native.processors import cores
     from synth.study.sweeping import conduct
 
@@ -152,7 +152,7 @@ def _run(opened: Opened, folder: Path, options: argparse.Namespace, scheduler: R
     return 0
 
 
-def _check(opened: Opened, folder: Path, options: argparse.Namespace) -> int:
+def _check(opened: OpenedStudy, folder: Path, options: argparse.Namespace) -> int:
     from synth.native.processors import cores
     from synth.study.design import spread
     from synth.study.studyfile import StudyError
@@ -195,7 +195,7 @@ def _check(opened: Opened, folder: Path, options: argparse.Namespace) -> int:
     return 0
 
 
-def _tried(opened: Opened, numbers: list[int]) -> list[float]:
+def _tried(opened: OpenedStudy, numbers: list[int]) -> list[float]:
     """Seconds of a few rows, the first of them twice as it may compile; raises ValueError where one fails."""
     from synth.study.work.running import run_reference, run_row
 

@@ -32,7 +32,7 @@ _AHEAD, _AHEAD_S = 8, 0.3
 
 
 @dataclass(frozen=True)
-class Made:
+class MadeItem:
     """An item as a worker gives it: its row, FLAC (empty: there is an error) and labels."""
 
     key: str
@@ -61,7 +61,7 @@ class Maker:
         self._soloist = Soloist(written, self._items.presets)
         self._code = code()
 
-    def make(self, key: str, notes: Iterable[int] = ()) -> Made:
+    def make(self, key: str, notes: Iterable[int] = ()) -> MadeItem:
         """One item; what is wrong with it stands in its row."""
         from synth._version import __version__
         from synth.dataset.itemrows import row_of
@@ -75,8 +75,8 @@ class Maker:
             said = " ".join(str(error).split())
             known = isinstance(error, ValueError | RuntimeError | OSError) and said
             said = said if known else f"{type(error).__name__}: {said}"
-            return Made(key, row_of(item, recipe, None, None, said, __version__, self._code), b"", {})
-        return Made(key, row_of(item, recipe, sung, packed, "", __version__, self._code), packed.flac, sung.labels)
+            return MadeItem(key, row_of(item, recipe, None, None, said, __version__, self._code), b"", {})
+        return MadeItem(key, row_of(item, recipe, sung, packed, "", __version__, self._code), packed.flac, sung.labels)
 
     def close(self) -> None:
         """Ends its engines."""
@@ -166,7 +166,7 @@ class _Worker:
         self.process.join()
 
 
-class Crew:
+class WorkerPool:
     """Makes chunks of items by `workers` processes; of one worker in this process. A context manager, which ends them."""
 
     def __init__(self, written: Written, items: Items, workers: int) -> None:
@@ -176,7 +176,7 @@ class Crew:
         self._stillborn = 0
         self._killed: set[str] = set()  # keys that a worker was at when it died
 
-    def __enter__(self) -> Crew:
+    def __enter__(self) -> WorkerPool:
         if self._count == 1:
             self._maker = Maker(self._written, self._items)
         return self
@@ -188,7 +188,7 @@ class Crew:
         if self._maker is not None:
             self._maker.close()
 
-    def make(self, wanted: Iterator[Chunk]) -> Iterator[Made]:
+    def make(self, wanted: Iterator[Chunk]) -> Iterator[MadeItem]:
         """All items of the chunks, in the order in which they are done; `wanted` is asked no earlier than needed."""
         if self._maker is not None:
             for chunk in wanted:
@@ -222,7 +222,7 @@ class Crew:
                 worker.take(made.key)
                 yield made
 
-    def _replace(self, number: int, again: deque[Chunk]) -> Iterator[Made]:
+    def _replace(self, number: int, again: deque[Chunk]) -> Iterator[MadeItem]:
         """A worker has died: another one, and its items one by one; one that has killed two workers has an error."""
         from synth._version import __version__
         from synth.dataset.itemrows import row_of
@@ -246,6 +246,6 @@ class Crew:
                     keys.remove(first)
                     said = f"its worker died twice (exit code {dead.process.exitcode}); out of memory, or killed"
                     row = row_of(self._items.by_key(first), self._written.recipe, None, None, said, __version__, code())
-                    yield Made(first, row, b"", {})
+                    yield MadeItem(first, row, b"", {})
                 self._killed.add(first)
             again.extend(Chunk((key,), lost.notes) for key in keys)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from synth.dataset.crew import Chunk, Crew, Made, chunks
+from synth.dataset.crew import Chunk, MadeItem, WorkerPool, chunks
 from synth.dataset.datacard import write_card
 from synth.dataset.itemrows import as_json, join_rows, label_columns, write_rows
 from synth.dataset.items import Item, Items
@@ -104,7 +104,7 @@ class _Strings:
         if item.note is None:
             return ""
         if (item.preset, item.note) not in self._found:
-            from synth.author.views.place import find
+            from synth.instrument.place import find
 
             try:
                 place = find(self._items.presets(item.preset), item.note)
@@ -159,7 +159,7 @@ class _Open:
 
     def __init__(self, shard: Shard) -> None:
         self.shard = shard
-        self.made: dict[str, Made] = {}
+        self.made: dict[str, MadeItem] = {}
 
 
 def _fill(
@@ -180,7 +180,7 @@ def _fill(
             yield from chunks([items.by_key(key) for key in shard.shard.keys], plan.notes)
 
     writing: Future[None] | None = None  # shards are written while others are made, one after the other
-    with Crew(written, items, workers) as crew, ThreadPoolExecutor(1) as writer:
+    with WorkerPool(written, items, workers) as crew, ThreadPoolExecutor(1) as writer:
         for made in crew.make(wanted()):
             shard = opened.pop(made.key)
             shard.made[made.key] = made

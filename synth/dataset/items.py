@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from synth.dataset.alternatives import Alternatives
-from synth.dataset.recipefile import Midi, Notes, Phrases, Played, Recipe, RecipeError, Written
+from synth.dataset.recipefile import Midi, Notes, Phrases, PlayedTable, Recipe, RecipeError, Written
 from synth.instrument.preset import Preset, load_preset, playable_notes
 
 #: kinds of items, by the letter that their keys begin with
@@ -129,7 +129,9 @@ class Presets:
 class Source:
     """The items of one table. Raises RecipeError where a preset or a file is not there, or does not play what is asked."""
 
-    def __init__(self, recipe: Recipe, letter: str, number: int, table: Played, presets: Presets, written: Written) -> None:
+    def __init__(
+        self, recipe: Recipe, letter: str, number: int, table: PlayedTable, presets: Presets, written: Written
+    ) -> None:
         self.letter, self.number, self.table = letter, number, table
         self._seed = recipe.seed
         self._axes: dict[str, Alternatives] = {"preset": table.preset}

@@ -1,4 +1,4 @@
-"""An item with the motion that made its sound: the same engine's own steps, kept on a tape (`author.views.tape`).
+"""An item with the motion that made its sound: the same engine's own steps, kept on a tape (`host.string_tape`).
 
 The note's string is played by itself, with its modes in float64 and no economy (at every step, in every mode), so that the
 sound *is* that motion heard: forces of every step, and the modes as they were. What strings that share a bridge, or several
@@ -28,13 +28,13 @@ from functools import lru_cache
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from synth.author.views.contacts import Forces, contacts_of, gather, touches
-from synth.author.views.place import find, speaking
-from synth.author.views.tape import Taped
 from synth.dataset.items import Item
 from synth.dataset.recipefile import Labels, Recipe
 from synth.dataset.sung import Sung, events_of_item
 from synth.host.alone import check_played
+from synth.host.contacts import Forces, contacts_of, gather, touches
+from synth.host.string_tape import Taped
+from synth.instrument.place import find, speaking
 from synth.instrument.preset import BoardObstacle, Preset, PresetError
 
 #: prepared tapes that are kept

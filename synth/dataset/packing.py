@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from synth.dataset.recipefile import Level, Sound
+from synth.dataset.recipefile import Level, SoundTable
 from synth.dsp.k_weighting import loudness_lufs
 from synth.host.audiofile import Quantizer
 from synth.units import db_to_gain, gain_to_db
@@ -39,7 +39,7 @@ class Packed:
     sha256: str
 
 
-def pack(samples: np.ndarray, sound: Sound, level: Level, seed: int) -> Packed:
+def pack(samples: np.ndarray, sound: SoundTable, level: Level, seed: int) -> Packed:
     """Of (frames, 2) float64, full scale ±1. seed: of the dither of 16 bits. Raises ValueError for what is not finite."""
     samples = np.ascontiguousarray(samples, np.float64)
     heard = np.empty((len(samples), sound.channels))
@@ -65,7 +65,7 @@ def pack(samples: np.ndarray, sound: Sound, level: Level, seed: int) -> Packed:
     )
 
 
-def _integers(heard: np.ndarray, gain: float, sound: Sound, seed: int) -> np.ndarray:
+def _integers(heard: np.ndarray, gain: float, sound: SoundTable, seed: int) -> np.ndarray:
     """As `Quantizer` rounds; what has no dither in one pass. Nothing lies above full scale: the ceiling is below."""
     if sound.bit_depth != 24:
         quantize = Quantizer(str(sound.bit_depth), seed)
@@ -112,7 +112,7 @@ def _onset(samples, least):
     return samples.shape[0]
 
 
-def encode(pcm: np.ndarray, sound: Sound) -> bytes:
+def encode(pcm: np.ndarray, sound: SoundTable) -> bytes:
     """FLAC of (frames, channels) integers."""
     import soundfile
 

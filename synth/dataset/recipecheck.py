@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from synth.dataset.alternatives import Alternatives
 from synth.dataset.items import Items, Presets, Source
-from synth.dataset.recipefile import MOST_ITEMS, Midi, Phrases, Played, Recipe, RecipeError, Strokes, Written
+from synth.dataset.recipefile import MOST_ITEMS, Midi, Phrases, PlayedTable, Recipe, RecipeError, Strokes, Written
 from synth.dataset.soloist import as_text
 from synth.engine.parameters import INDEX_OF, parameters_of
 from synth.instrument.preset import Preset, PresetError, playable_notes
@@ -50,7 +50,7 @@ def _faults(written: Written, sources: Sequence[Source]) -> Iterator[str]:
             yield f"phrases: two are called {name!r}; rename one of them"
 
 
-def _faults_of(table: Played, recipe: Recipe, presets: Presets) -> Iterator[str]:
+def _faults_of(table: PlayedTable, recipe: Recipe, presets: Presets) -> Iterator[str]:
     for name in table.preset.values or table.preset.one_of:
         if name == "" and isinstance(table, Midi):
             continue

@@ -45,10 +45,6 @@ class RecipeError(ValueError):
     """A recipe that cannot be used; the message names file and key, one line for each thing that is wrong."""
 
 
-def _whole(given: Any) -> Alternatives:
-    return given if isinstance(given, Alternatives) else alternatives(given, whole=True)
-
-
 def _any(given: Any) -> Alternatives:
     return given if isinstance(given, Alternatives) else alternatives(given)
 
@@ -83,7 +79,7 @@ def _one_or_more(given: Any) -> Any:
 
 
 @dataclass(frozen=True)
-class Keys:
+class NoteChoice:
     """Notes of a recipe: those that every preset must play, and ranges of which it plays what it can; without either all."""
 
     single: tuple[int, ...] = ()
@@ -104,11 +100,11 @@ class Keys:
         return tuple(sorted(ranged | set(self.single)))
 
 
-def _keys(given: Any) -> Keys:
+def _keys(given: Any) -> NoteChoice:
     single, ranges = [], []
     for each in given if isinstance(given, list) else [given]:
         if each == "all" and each is given:
-            return Keys()
+            return NoteChoice()
         found = _RANGE.fullmatch(each) if isinstance(each, str) else None
         if found:
             low, high = (_note(end) for end in found.groups())
@@ -119,7 +115,7 @@ def _keys(given: Any) -> Keys:
             single.append(_note(each))
     if not single and not ranges:
         raise ValueError('must hold at least one note, got an empty list; "all" means all notes that a preset plays')
-    return Keys(tuple(dict.fromkeys(single)), tuple(ranges))
+    return NoteChoice(tuple(dict.fromkeys(single)), tuple(ranges))
 
 
 def _note(value: Any) -> int:
@@ -132,13 +128,12 @@ def _note(value: Any) -> int:
 
 
 Axis = Annotated[Alternatives, BeforeValidator(_any)]
-WholeAxis = Annotated[Alternatives, BeforeValidator(_whole)]
 Words = Annotated[Alternatives, BeforeValidator(_words)]
 Count = Annotated[int, Field(strict=True, ge=1, le=MOST_ITEMS)]
 _ONE = Alternatives((1,))
 
 
-class Sound(Table):
+class SoundTable(Table):
     """How everything is computed and kept."""
 
     rate_hz: Annotated[int, Field(strict=True, ge=44100, le=192000)] = 44100
@@ -215,7 +210,7 @@ class Labels(Table):
         return self.contacts or self.forces or self.state_hz > 0.0
 
 
-class Played(Table):
+class PlayedTable(Table):
     """What notes, phrases and MIDI files have in common."""
 
     preset: Words
@@ -225,13 +220,13 @@ class Played(Table):
     release_s: _number(0.0, 60.0) = Alternatives((0.5,))  # type: ignore[valid-type]
 
     @model_validator(mode="after")
-    def _one_way_to_count(self) -> Played:
+    def _one_way_to_count(self) -> PlayedTable:
         if self.count is not None and self.repeats != 1:
             raise ValueError(f"repeats has no meaning beside count, which says how many items there are, got {self.repeats}")
         return self
 
 
-class Strokes(Played):
+class Strokes(PlayedTable):
     """… and what notes and phrases have."""
 
     articulation: Words = Alternatives(("",))
@@ -242,12 +237,12 @@ class Strokes(Played):
 class Notes(Strokes):
     """Single notes."""
 
-    note: Annotated[Keys, BeforeValidator(lambda given: given if isinstance(given, Keys) else _keys(given))]
+    note: Annotated[NoteChoice, BeforeValidator(lambda given: given if isinstance(given, NoteChoice) else _keys(given))]
     velocity: _number(1, 127, whole=True) = Alternatives((100,))  # type: ignore[valid-type]
     hold_s: _number(0.0, 600.0) = Alternatives((1.0,))  # type: ignore[valid-type]
 
 
-class Stroke(Table):
+class PhraseNote(Table):
     """One note of a phrase."""
 
     at_s: float = Field(ge=0.0, le=LONGEST_S)
@@ -260,12 +255,12 @@ class Phrases(Strokes):
     """A few notes after and with each other, by one preset."""
 
     name: str = Field(pattern="^[A-Za-z0-9_-]{1,64}$")
-    stroke: tuple[Stroke, ...] = Field(min_length=1, max_length=10_000)
+    stroke: tuple[PhraseNote, ...] = Field(min_length=1, max_length=10_000)
     transpose: _number(-127, 127, whole=True) = Alternatives((0,))  # type: ignore[valid-type]
     stretch: _number(0.05, 20.0) = _ONE  # type: ignore[valid-type]
 
 
-class Midi(Played):
+class Midi(PlayedTable):
     """MIDI files, by one preset or by General MIDI's programs."""
 
     preset: Words = Alternatives(("",))
@@ -283,7 +278,7 @@ class Recipe(Table):
     licence: str = ""
     creators: tuple[str, ...] = ()
     seed: Annotated[int, Field(strict=True, ge=0, le=2**63 - 1)] = 0
-    sound: Sound = Sound()
+    sound: SoundTable = SoundTable()
     level: Level = Level()
     shards: Shards = Shards()
     split: Split = Split()
@@ -391,8 +386,8 @@ def _lines(error: ValidationError, origin: str) -> list[str]:
 def _keys_there(loc: tuple[int | str, ...]) -> list[str]:
     """The keys that the table at a path may have."""
     table: Any = Recipe
-    inner = {"sound": Sound, "level": Level, "shards": Shards, "split": Split, "labels": Labels, "notes": Notes,
-             "phrases": Phrases, "midi": Midi, "stroke": Stroke}  # fmt: skip
+    inner = {"sound": SoundTable, "level": Level, "shards": Shards, "split": Split, "labels": Labels, "notes": Notes,
+             "phrases": Phrases, "midi": Midi, "stroke": PhraseNote}  # fmt: skip
     for part in loc[:-1]:
         table = inner.get(str(part), table)
     return list(table.model_fields)

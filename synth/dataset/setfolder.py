@@ -35,11 +35,11 @@ from synth.jit import prebuilt
 
 FORMAT = 1
 STATE, RECIPE, INDEX, CARD, LOCK = "dataset.json", "recipe.toml", "index.parquet", "README.md", ".lock"
-PARTS, SOURCES, LABELS = "parts", "sources", "labels"
+PARTS, SOURCES = "parts", "sources"
 #: packages whose version may show in the numbers
 _PACKAGES = ("numpy", "numba", "llvmlite", "scipy", "soundfile")
-#: rooms whose sources make an item: with the recipe's own and the tape's
-CODE = (*SOUNDING, "author/views", "dataset", "fit")
+#: rooms whose sources make an item
+CODE = (*SOUNDING, "dataset")
 
 
 def code() -> str:

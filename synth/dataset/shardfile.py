@@ -13,7 +13,7 @@ from typing import BinaryIO, NamedTuple
 from synth.files.targets import write_whole
 
 
-class Place(NamedTuple):
+class ByteRange(NamedTuple):
     """Where a file's bytes are in its shard."""
 
     offset: int
@@ -25,16 +25,16 @@ def shard_name(split: str, number: int) -> str:
     return f"{split}/shard-{number:06d}.tar"
 
 
-def write_shard(path: Path, members: Iterable[tuple[str, bytes]]) -> dict[str, Place]:
+def write_shard(path: Path, members: Iterable[tuple[str, bytes]]) -> dict[str, ByteRange]:
     """Writes files by name into a shard, which is whole or not there; where each is. Raises OSError that names `path`."""
-    places: dict[str, Place] = {}
+    places: dict[str, ByteRange] = {}
 
     def write(file: BinaryIO) -> None:
         with tarfile.open(fileobj=file, mode="w", format=tarfile.USTAR_FORMAT) as tar:
             for name, data in members:
                 head = tarfile.TarInfo(name)
                 head.size, head.mode = len(data), 0o644
-                places[name] = Place(tar.offset + tarfile.BLOCKSIZE, len(data))
+                places[name] = ByteRange(tar.offset + tarfile.BLOCKSIZE, len(data))
                 tar.addfile(head, io.BytesIO(data))
 
     write_whole(path, write)

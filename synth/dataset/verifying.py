@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from synth.dataset.crew import Made, Maker
+from synth.dataset.crew import MadeItem, Maker
 from synth.dataset.itemrows import PLACES, read_rows
 from synth.dataset.items import Items
 from synth.dataset.labelstore import read_labels
@@ -28,7 +28,7 @@ class Verified:
     other_code: bool
 
 
-def regenerate(folder: SetFolder, keys: Sequence[str]) -> Iterator[Made]:
+def regenerate(folder: SetFolder, keys: Sequence[str]) -> Iterator[MadeItem]:
     """Items of a data set, made anew from its own recipe. Raises ValueError for a key or a folder that is not there."""
     written = folder.written()
     items = Items(written)
@@ -92,7 +92,7 @@ def _of_all(folder: SetFolder, rows: Sequence[dict[str, Any]]) -> Iterator[str]:
             yield f"{shard}: ends before byte {end}"
 
 
-def _of_one(folder: SetFolder, row: dict[str, Any], made: Made) -> Iterator[str]:
+def _of_one(folder: SetFolder, row: dict[str, Any], made: MadeItem) -> Iterator[str]:
     """What is wrong with an item. Raises OSError or ValueError where it cannot be read."""
     if row["error"] != made.row["error"]:
         yield f"has the error {row['error']!r}, and {made.row['error']!r} when made again"

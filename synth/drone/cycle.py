@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from synth.drone.pegs import Pegs, Strings, jiva_of
+from synth.drone.pegs import Pegs, TunedStrings, jiva_of
 from synth.engine import layout
 from synth.instrument.preset import Preset
 from synth.midi.events import EVENT, NOTE_OFF, NOTE_ON, PARAMETER, TUNING
@@ -163,7 +163,7 @@ class Drone:
 
     def __init__(
         self,
-        strings: Strings,
+        strings: TunedStrings,
         cycle: Cycle,
         rate_hz: float,
         *,

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from synth.drone.cycle import Cycle, Drone
-from synth.drone.pegs import Strings
+from synth.drone.pegs import TunedStrings
 from synth.engine.engine import Engine
 from synth.host import offline
 from synth.host.audiofile import AudioWriter, container_of
@@ -66,7 +66,7 @@ class DroneReport:
 
 
 def write(
-    strings: Strings, cycle: Cycle, settings: FileSettings, *, progress: offline.Progress | None = None
+    strings: TunedStrings, cycle: Cycle, settings: FileSettings, *, progress: offline.Progress | None = None
 ) -> DroneReport:
     """Renders a drone to a file, which appears whole or not at all. progress: see offline.render.
 

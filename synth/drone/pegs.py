@@ -152,7 +152,7 @@ def _others_for(sa_hz: float) -> str:
 
 
 @dataclass(frozen=True)
-class Strings:
+class TunedStrings:
     """A preset tuned to pegs: `keys` are the notes that its strings are plucked by, one each."""
 
     preset: Preset
@@ -189,7 +189,7 @@ def level_db(first: float | None) -> float:
     return LOUDNESS_LUFS[1.5] - loudness
 
 
-def tuned(pegs: Pegs, jiva_um: float | None = None) -> Strings:
+def tuned(pegs: Pegs, jiva_um: float | None = None) -> TunedStrings:
     """The preset with its strings at the pitches of the pegs, and its thread at a height [µm].
 
     What the preset gives at anchor notes is the string's, whatever it is tuned to.
@@ -211,7 +211,7 @@ def tuned(pegs: Pegs, jiva_um: float | None = None) -> Strings:
     if jiva_um is not None:
         changes["obstacle"] = preset.obstacle.model_copy(update={"jiva_um": jiva_um})
     changes["mapping"] = preset.mapping.model_copy(update={"polyphony": max(preset.mapping.polyphony, len(keys))})
-    return Strings(preset.model_copy(update=changes), keys, pegs)
+    return TunedStrings(preset.model_copy(update=changes), keys, pegs)
 
 
 def jiva_of(preset: Preset) -> float:

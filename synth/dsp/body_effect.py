@@ -17,21 +17,21 @@ from synth.units import db_to_gain
 _PIECE = 32
 
 
-class Made(NamedTuple):
+class BodyConstants(NamedTuple):
     direct: float
     coefficients: Annotated[np.ndarray, f8("sides, 3, resonances")]
 
 
-class State(NamedTuple):
+class BodyState(NamedTuple):
     ringing: Annotated[np.ndarray, f8("rows, resonances")]  # see `body_state`, of each side three rows
     dry: Annotated[np.ndarray, f8("PIECE")]  # a piece of a channel; carries nothing from call to call
     wet: Annotated[np.ndarray, f8("PIECE")]  # the same
 
 
-_made, _state = openers(Made, State)
+_made, _state = openers(BodyConstants, BodyState)
 
 
-def _make(body: Any, rate_hz: float) -> Made:
+def _make(body: Any, rate_hz: float) -> BodyConstants:
     """body : the preset's table, `direct_db` and `peaks`, at least one."""
     peaks = [peak for peak in body.peaks if not peak.of_field or peak.frequency_hz < 0.45 * rate_hz]
     whole = body_coefficients(
@@ -42,14 +42,14 @@ def _make(body: Any, rate_hz: float) -> Made:
     if body.wide:  # of constant power, as channels are panned; the filter is linear in its first row
         sides[:, 0] *= np.sqrt(2.0) * panning.shares([peak.pan for peak in peaks])
     sizes = {"sides": len(sides), "resonances": len(peaks)}
-    return allocate(Made, sizes, direct=db_to_gain(body.direct_db), coefficients=sides)
+    return allocate(BodyConstants, sizes, direct=db_to_gain(body.direct_db), coefficients=sides)
 
 
-def _at_rest(made: Made, channels: int) -> State:
+def _at_rest(made: BodyConstants, channels: int) -> BodyState:
     sides, rows, resonances = made.coefficients.shape
     if channels < sides:
         raise ValueError(f"this body has left and right, got a signal with {channels} channel; use it in a part")
-    return allocate(State, {"rows": channels * rows, "resonances": resonances, "PIECE": _PIECE})
+    return allocate(BodyState, {"rows": channels * rows, "resonances": resonances, "PIECE": _PIECE})
 
 
 def _process(effect: int, x: int, frames: int, channels: int) -> None:

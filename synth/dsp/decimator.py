@@ -25,6 +25,7 @@ from numba import float64, int64, njit
 from numpy.typing import NDArray
 
 from synth.dsp.polyphase import BRANCH, GROUP, add_branches
+from synth.dsp.rates import MAXIMUM_FACTOR, MINIMUM_RATE_HZ
 from synth.jit.entries import kernel
 
 LATENCY_FRAMES = BRANCH // 2
@@ -39,8 +40,6 @@ STOPBAND_ATTENUATION_DB = 105.0
 PASSBAND_EDGE = 20.0 / 44.1
 STOPBAND_EDGE = 1.0 - PASSBAND_EDGE
 
-MINIMUM_RATE_HZ = 44100.0
-MAXIMUM_FACTOR = 64
 
 # The largest shape parameter whose main lobe still fits between the two edges with 2·37·M + 1 taps: a smaller
 # one gives away attenuation, a larger one lets the transition spill over the stopband edge.

@@ -17,24 +17,24 @@ class Delaying(NamedTuple):
     frames: int
 
 
-class Made(NamedTuple):
+class DelayConstants(NamedTuple):
     frames: int
 
 
-class State(NamedTuple):
+class DelayState(NamedTuple):
     line: Annotated[np.ndarray, f8("frames, channels")]
     place: Annotated[np.ndarray, i8("1")]
 
 
-_made, _state = openers(Made, State)
+_made, _state = openers(DelayConstants, DelayState)
 
 
-def _make(settings: Delaying, rate_hz: float) -> Made:
-    return Made(settings.frames)
+def _make(settings: Delaying, rate_hz: float) -> DelayConstants:
+    return DelayConstants(settings.frames)
 
 
-def _at_rest(made: Made, channels: int) -> State:
-    return allocate(State, {"frames": made.frames, "channels": channels})
+def _at_rest(made: DelayConstants, channels: int) -> DelayState:
+    return allocate(DelayState, {"frames": made.frames, "channels": channels})
 
 
 def _process(effect: int, x: int, frames: int, channels: int) -> None:
@@ -53,11 +53,11 @@ def _silent(effect: int) -> int:
     return still(_state(effect).line)
 
 
-def _latency(made: Made) -> int:
+def _latency(made: DelayConstants) -> int:
     return made.frames
 
 
-def _problem(made: Made, state: State) -> str | None:
+def _problem(made: DelayConstants, state: DelayState) -> str | None:
     place = int(state.place[0])
     return None if 0 <= place < made.frames else f"the place must lie between 0 and {made.frames - 1}, got {place}"
 

@@ -14,11 +14,13 @@ of the stream into blocks does not change a bit. The ceiling is for samples; the
 it slightly (see ``measures.true_peak``).
 """
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+
+from synth.native.arrays import f8, i8
 
 LOOKAHEAD = 64
 """Delay in frames at every rate (1.45 ms at 44.1 kHz)."""
@@ -43,16 +45,16 @@ _RELEASED = 1e-7
 class LimiterState(NamedTuple):
     """What a limiter remembers. Pass it to :func:`limit` as ``*state``."""
 
-    delay: NDArray[np.float64]
-    """(LOOKAHEAD, channels) ring of the input."""
-    required: NDArray[np.float64]
-    """(2·(LOOKAHEAD+1),) ring of d, written twice so that the last LOOKAHEAD+1 values lie side by side."""
-    released: NDArray[np.float64]
-    """(2·(LOOKAHEAD+1),) the same of r."""
-    counters: NDArray[np.int64]
-    """(3,) place in the delay, place in the rings, frames until the last reduction has left the rings."""
-    levels: NDArray[np.float64]
-    """(2,) r of the last frame; largest reduction 1 − gain so far (set it to 0 to measure anew)."""
+    delay: Annotated[np.ndarray, f8("LOOKAHEAD, channels")]
+    """Ring of the input."""
+    required: Annotated[np.ndarray, f8("2*WINDOW")]
+    """Ring of d, written twice so that the last LOOKAHEAD+1 values lie side by side."""
+    released: Annotated[np.ndarray, f8("2*WINDOW")]
+    """The same of r."""
+    counters: Annotated[np.ndarray, i8("3")]
+    """Place in the delay, place in the rings, frames until the last reduction has left the rings."""
+    levels: Annotated[np.ndarray, f8("2")]
+    """r of the last frame; largest reduction 1 − gain so far (set it to 0 to measure anew)."""
 
 
 def limiter_state(channels: int) -> LimiterState:

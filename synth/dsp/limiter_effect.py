@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
-
-import numpy as np
+from typing import NamedTuple
 
 from synth.dsp.effect import Effect, openers, still
 from synth.dsp.limiter import LOOKAHEAD, LimiterState, limit, limiter_problem, limiter_state, release_coefficient
-from synth.native.arrays import f8, i8
 from synth.native.views import frames_at
 
 
@@ -18,30 +15,20 @@ class Limiting(NamedTuple):
     ceiling: float
 
 
-class Made(NamedTuple):
+class LimiterConstants(NamedTuple):
     ceiling: float
     release: float
 
 
-class State(NamedTuple):
-    """`LimiterState`."""
-
-    delay: Annotated[np.ndarray, f8("LOOKAHEAD, channels")]
-    required: Annotated[np.ndarray, f8("2*WINDOW")]
-    released: Annotated[np.ndarray, f8("2*WINDOW")]
-    counters: Annotated[np.ndarray, i8("3")]
-    levels: Annotated[np.ndarray, f8("2")]
+_made, _state = openers(LimiterConstants, LimiterState)
 
 
-_made, _state = openers(Made, State)
+def _make(settings: Limiting, rate_hz: float) -> LimiterConstants:
+    return LimiterConstants(settings.ceiling, release_coefficient(rate_hz))
 
 
-def _make(settings: Limiting, rate_hz: float) -> Made:
-    return Made(settings.ceiling, release_coefficient(rate_hz))
-
-
-def _at_rest(made: Made, channels: int) -> State:
-    return State(*limiter_state(channels))
+def _at_rest(made: LimiterConstants, channels: int) -> LimiterState:
+    return limiter_state(channels)
 
 
 def _process(effect: int, x: int, frames: int, channels: int) -> None:
@@ -63,12 +50,12 @@ def _silent(effect: int) -> int:
     return 0 if state.counters[2] != 0 else still(state.delay)
 
 
-def _latency(made: Made) -> int:
+def _latency(made: LimiterConstants) -> int:
     return LOOKAHEAD
 
 
-def _problem(made: Made, state: State) -> str | None:
-    return limiter_problem(LimiterState(*state), made.ceiling)
+def _problem(made: LimiterConstants, state: LimiterState) -> str | None:
+    return limiter_problem(state, made.ceiling)
 
 
 LIMITER = Effect("limiter", _make, _at_rest, _process, _silent, latency=_latency, problem=_problem)

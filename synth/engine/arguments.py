@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import operator
 import os
 from collections.abc import Sequence
@@ -11,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from synth.dsp.decimator import MAXIMUM_FACTOR, MINIMUM_RATE_HZ
+from synth.dsp.rates import MAXIMUM_RATE_HZ, MINIMUM_RATE_HZ
+from synth.engine.numbers import a_number
 from synth.instrument.effects import EffectTable
-from synth.instrument.plan import FLOAT32, PRECISIONS, QUALITIES
 from synth.instrument.preset import Preset, load_preset
 from synth.midi.events import (
     BEND,
@@ -29,13 +28,6 @@ from synth.midi.events import (
     TUNING,
 )
 from synth.midi.zones import CHANNELS
-
-#: no converter runs faster
-MAXIMUM_RATE_HZ = 768_000.0
-#: nor strings
-MAXIMUM_INTERNAL_HZ = MAXIMUM_FACTOR * MAXIMUM_RATE_HZ
-#: levels that can be asked for [dB]
-MOST_GAIN_DB = 200.0
 
 #: of the kinds with a channel: smallest and largest `a`, and `b`
 _DATA, _ANY = (0, 127), (-(1 << 31), (1 << 31) - 1)
@@ -61,36 +53,6 @@ _NAMES = {
 }
 
 
-def a_number(name: str, value: Any, low: float, high: float, unit: str = "") -> float:
-    """A finite number from low to high. Raises TypeError or ValueError that names it."""
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        raise TypeError(f"{name} must be a number, got {value!r}") from None
-    except OverflowError:
-        number = math.inf
-    if isinstance(value, str | bytes):
-        raise TypeError(f"{name} must be a number, got {value!r}")
-    if not low <= number <= high:
-        raise ValueError(f"{name} must lie between {low:g} and {high:g}{unit}, got {number:g}")
-    return number
-
-
-def a_count(name: str, value: Any, least: int, most: int) -> int:
-    """A whole number from least to most. Raises TypeError or ValueError that names it."""
-    try:
-        count = operator.index(value)
-    except TypeError:
-        raise TypeError(f"{name} must be a whole number, got {value!r}") from None
-    if isinstance(value, bool):
-        raise TypeError(f"{name} must be a whole number, got {value!r}")
-    if count < least:
-        raise ValueError(f"{name} must be at least {least}, got {count}")
-    if count > most:
-        raise ValueError(f"{name} must be at most {most}, got {count}")
-    return count
-
-
 def rate(rate_hz: Any) -> float:
     """An output rate. Raises TypeError or ValueError."""
     try:
@@ -111,22 +73,6 @@ def presets(parts: Any) -> tuple[Preset, ...]:
                 f"parts[{p}] must be a preset, its name or its file, got {_shown(part)}; load_preset(…) gives one"
             )
     return tuple(part if isinstance(part, Preset) else load_preset(part) for part in parts)
-
-
-def quality(name: Any) -> str:
-    """A quality's name. Raises ValueError."""
-    if name not in QUALITIES:
-        raise ValueError(f"quality must be one of {', '.join(QUALITIES)}, got {name!r}")
-    return name
-
-
-def precision(name: Any, scheme: str) -> str | None:
-    """A precision's name, or None. Raises ValueError."""
-    if name is not None and name not in PRECISIONS:
-        raise ValueError(f"precision must be one of {', '.join(PRECISIONS)}, or None for the planned one, got {name!r}")
-    if name == FLOAT32 and scheme != "exact-hold":
-        raise ValueError(f"precision float32 needs scheme exact-hold, got {scheme}; leave out one of the two")
-    return name
 
 
 def program_map(given: Any, parts: int) -> np.ndarray:

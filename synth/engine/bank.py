@@ -520,24 +520,24 @@ class Strings:
         self.states = Pool(StringState, sizes)
         self.coefficients = Pool(Coefficients, sizes)
         self.models = models
-        self._kept = built  # what the tables point to
-        self._models = np.zeros((len(models), len(_VARIANTS), words(StringModel)), np.int64)
+        self.built = built  # what the tables point to
+        self.model_tables = np.zeros((len(models), len(_VARIANTS), words(StringModel)), np.int64)
         for m, s in enumerate(string_of_model):
             flight, own = built.flights[m], self.coefficients.items[s]
             variants = (models[m], _with_its_own(models[m], own), flight, _flight_of_its_own(flight, own))
             for variant, model in zip(_VARIANTS, variants, strict=True):
-                self._models[m, variant] = table(model)
-        self._states = [table(state) for state in self.states.items]
+                self.model_tables[m, variant] = table(model)
+        self.state_tables = [table(state) for state in self.states.items]
         single = [built.single and keeps_losses(model.sigma[: model.modes], built.frame_s) for model in models]
         self.bridges = Bridges(built.bank, built.bodies, single)
         self.boards = Boards(built.bank, built.boards)
 
     def point(self, shared: Shared) -> None:
         """Put the addresses where the core looks for them."""
-        first, per_model = self._models.ctypes.data, self._models.strides
-        for m in range(self._models.shape[0]):
+        first, per_model = self.model_tables.ctypes.data, self.model_tables.strides
+        for m in range(self.model_tables.shape[0]):
             shared.model_at[m] = [first + m * per_model[0] + variant * per_model[1] for variant in _VARIANTS]
-        shared.string_at[:] = [each.ctypes.data for each in self._states]
+        shared.string_at[:] = [each.ctypes.data for each in self.state_tables]
         self.bridges.point(shared)
         self.boards.point(shared)
 

@@ -47,11 +47,11 @@ class Boards:
                 self.items.append(_board(each, tables[each.intervals]))
                 self.models.append([])
             self.models[found[key]].append(each.model)
-        self._tables = [table(each) for each in self.items]
+        self.tables = [table(each) for each in self.items]
 
     def point(self, shared: Shared) -> None:
         """Put the addresses where the core looks for them."""
-        for mine, at in zip(self.models, self._tables, strict=True):
+        for mine, at in zip(self.models, self.tables, strict=True):
             shared.board_at[mine] = at.ctypes.data
 
     def arrays(self) -> dict[str, np.ndarray]:

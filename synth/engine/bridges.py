@@ -93,14 +93,14 @@ class Bridges:
                 )
             )
         self.instruments = [shared.instrument for shared in bodies]
-        self._ends = [table(end) for end in self.ends.items]
-        self._couplings = [table(coupling) for coupling in self.couplings]
+        self.end_tables = [table(end) for end in self.ends.items]
+        self.coupling_tables = [table(coupling) for coupling in self.couplings]
 
     def point(self, shared: Shared) -> None:
         """Put the addresses where the core looks for them; those of the strings' states are there."""
-        for s, end in zip(self.strings, self._ends, strict=True):
+        for s, end in zip(self.strings, self.end_tables, strict=True):
             shared.end_at[s] = end.ctypes.data
-        for i, mine, coupling, at in zip(self.instruments, self._of_body, self.couplings, self._couplings, strict=True):
+        for i, mine, coupling, at in zip(self.instruments, self._of_body, self.couplings, self.coupling_tables, strict=True):
             shared.coupling_at[i] = at.ctypes.data
             coupling.line_state[:] = shared.string_at[mine.start : mine.stop]
             coupling.line_end[:] = shared.end_at[mine.start : mine.stop]

@@ -13,20 +13,23 @@ import math
 import os
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple, TypeVar, Unpack
 
 import numpy as np
 
 from synth.dsp.decimator import LATENCY_FRAMES
-from synth.dsp.limiter import LimiterState, largest_reduction_db
+from synth.dsp.limiter import largest_reduction_db
 from synth.engine import arguments, layout, snapshot
 from synth.engine.bank import Strings, build_bank, default_parameters, new_scratch, new_shared, new_state, span_quanta
 from synth.engine.core import CORE_PARTS
 from synth.engine.effect_chains import Chains
+from synth.engine.engine_settings import EngineOptions, EngineSettings
 from synth.engine.excite import Excitations
 from synth.engine.hands import voices_for
 from synth.engine.layout import Bank, Effects, Settings, Shared, State
+from synth.engine.memory_map import EngineMemory
+from synth.engine.numbers import a_count, a_number
 from synth.engine.parameters import GAIN_SMOOTHING_S, Bindings, Parameter, bound_rows, parameters_of
 from synth.engine.process import process
 from synth.engine.state_check import check_state
@@ -37,25 +40,28 @@ from synth.engine.voices.mpe import set_zone
 from synth.instrument.check import check
 from synth.instrument.compile import CompiledPart, CompiledString, compile_preset, wanted_notes
 from synth.instrument.effects import EffectTable
-from synth.instrument.plan import FLOAT32, planned_precision
+from synth.instrument.plan import planned_precision
 from synth.instrument.preset import Preset, PresetError, why_unplayed
+from synth.instrument.qualities import FLOAT32
 from synth.jit import compiling, kernel_helpers, prebuilt
+from synth.jit.entries import entry
 from synth.midi.events import EVENT
 from synth.midi.zones import LOWER, MOST_MEMBERS
 from synth.native.arrays import bytes_of
 from synth.native.processors import cores
 from synth.native.views import table, words
-from synth.solver.laws import law_of
 from synth.solver.schemes import energy_warning
 from synth.units import LN_1000, db_to_gain, hz_to_midi
 
 DC_BLOCK_HZ = 8.0
 #: the limiter holds the mix this far below full scale, where every file format can hold it [dBFS]
 CEILING_DB = -0.1
-#: longest block [frames], and most strings that can be asked for
-MOST_BLOCK, MOST_STRINGS = 1 << 24, 1 << 20
-#: largest seed of what varies from stroke to stroke
-MOST_SEED = (1 << 31) - 1
+#: longest block [frames]
+MOST_BLOCK = 1 << 24
+
+
+#: what an observer writes: a NamedTuple as `native.arrays` declares them
+_Records = TypeVar("_Records")
 
 
 class Unplayed(NamedTuple):
@@ -92,20 +98,18 @@ class Engine:
     parts        one preset per part: itself, its name or its file
     program_map  (16, 128) part of each channel and program, −1 for none; default: part p on channel p, or the only part
                  on every channel
+    settings     how it computes and how loud it is, whatever the parts (`EngineSettings`)
+    options      fields of EngineSettings by name, in the place of those in `settings`
     note_hz      (128,) frequencies that replace the presets' equal temperament
     bindings     controller → live parameter that it sets, of the parts its channel plays: an id, or rows (part or None for
                  all, id, value at 0, value at 127), None for the parameter's own range
-    precision    "float64", or "float32" where strings can have their modes so (not over boards, and on a shared body only
-                 while they touch nothing); None: as planned for the quality (`plan.planned_precision`)
     only_notes   of each part: the notes it will be asked for; None: all. Strings without any are left out, and unless
                  every_fret what else can be played on the others. No effect on the sound of those notes
     mix_effects  effects of the mix, in this order before the limiter: tables as in presets
     policy       who plays a note and who yields, as the native core calls it (`voices.policy`)
-    seed         of what varies from stroke to stroke (`[hand]` of a preset): the same seed, the same performance
-    mpe          begin with an MPE zone of 15 members, as if the MPE configuration message had come on channel 1
-    threads      how many compute, the caller of `process` included; "auto": one per processor. No effect on the sound
     warn         told by `prepare` what may go wrong (a scheme that can gain energy at its rate, `schemes.energy_warning`);
                  None: Python's warnings are, as RuntimeWarning
+    max_polyphony is the name of the setting `polyphony` up to version 0.19.
     Raises ValueError (PresetError among them) for what cannot be played, TypeError for what is of another kind.
 
     Copied (`copy`) or unpickled it is an engine of its own, made and prepared anew with all that sounds, but for `warn`.
@@ -116,61 +120,39 @@ class Engine:
         parts: Sequence[Preset | str | os.PathLike[str]],
         program_map: np.ndarray | None = None,
         *,
-        quality: str = "standard",
-        scheme: str = "exact-hold",
-        restitution: float = 0.0,
-        internal_rate_hz: float | None = None,
-        limiter: bool = True,
-        mix_effects: Sequence[EffectTable] = (),
-        gain_db: float = 0.0,
-        max_polyphony: int | None = None,
+        settings: EngineSettings | None = None,
         note_hz: np.ndarray | None = None,
-        economy: bool | None = None,
-        precision: str | None = None,
         only_notes: Sequence[set[int] | None] | None = None,
         every_fret: bool = True,
-        threads: int | str = 1,
         bindings: Bindings | None = None,
-        mpe: bool = False,
-        seed: int = 0,
+        mix_effects: Sequence[EffectTable] = (),
         policy: Callable[[int], None] = policy.decide,
         warn: Callable[[str], None] | None = None,
+        max_polyphony: int | None = None,
+        **options: Unpack[EngineOptions],
     ) -> None:
         self._bank: Bank | None = None
         self._team: Team | None = None
+        self._observed: tuple[Any, Any] | None = None
         self.compiled: tuple[CompiledPart, ...] = ()
         self.parts = arguments.presets(parts)
-        if isinstance(threads, bool) or (threads != "auto" and not (isinstance(threads, int) and threads >= 1)):
-            raise ValueError(f"threads must be a whole number from 1 on or 'auto', got {threads!r}")
         self.program_map = arguments.program_map(program_map, len(self.parts))
-        law_of(scheme if isinstance(scheme, str) else repr(scheme))
+        if max_polyphony is not None:
+            options["polyphony"] = max_polyphony
+        self.settings = (settings or EngineSettings()).of_engine(**options)
         channels = []
         for p in range(len(parts)):
             of_part = np.flatnonzero((self.program_map == p).any(axis=1))
             channels.append(int(of_part[0]) if of_part.size else 0)
         self._channels = channels
-        self.quality = arguments.quality(quality)
-        self.scheme = scheme
-        self.restitution = arguments.a_number("restitution", restitution, 0.0, 1.0)
-        self.internal_rate_hz = internal_rate_hz
-        if internal_rate_hz is not None:
-            arguments.a_number("internal_rate_hz", internal_rate_hz, 0.0, arguments.MAXIMUM_INTERNAL_HZ, " Hz")
-        self.limiter = limiter
         self.mix_effects = arguments.effects(mix_effects)
-        self.gain_db = arguments.a_number("gain_db", gain_db, -arguments.MOST_GAIN_DB, arguments.MOST_GAIN_DB, " dB")
-        self.max_polyphony = (
-            None if max_polyphony is None else arguments.a_count("polyphony", max_polyphony, 1, MOST_STRINGS)
-        )
         self.note_hz = arguments.note_frequencies(note_hz)
-        self.economy = quality in ("draft", "standard") if economy is None else economy
-        self.precision = arguments.precision(precision, scheme) or planned_precision(quality, scheme, internal_rate_hz)
+        chosen = self.settings
+        self.precision = chosen.precision or planned_precision(chosen.quality, chosen.scheme, chosen.internal_rate_hz)
         self._only_notes = arguments.wanted_notes(only_notes, len(self.parts))
         self._every_fret = every_fret
         self.rate_hz = 0.0
         self.max_block = 0
-        self.threads = threads
-        self.mpe = mpe
-        self.seed = arguments.a_count("seed", seed, 0, MOST_SEED)
         self._policy = arguments.a_function("policy", policy)
         self._given_bindings = dict(bindings or {})
         self._bindings = bound_rows(self._given_bindings, self.parts)
@@ -183,30 +165,19 @@ class Engine:
         else:
             strings = self._bank.strings.size
             state = f"{self.rate_hz:g} Hz, blocks of {self.max_block}, {strings} string{'' if strings == 1 else 's'}"
-        return f"<Engine {names}: {self.quality}, {self.scheme}, {state}>"
+        return f"<Engine {names}: {self.settings.quality}, {self.settings.scheme}, {state}>"
 
     def __getstate__(self) -> dict[str, Any]:
         """What it was made and prepared with, and what sounds: no address leaves the process."""
         made = {
             "parts": self.parts,
             "program_map": self.program_map,
-            "quality": self.quality,
-            "scheme": self.scheme,
-            "precision": self.precision,
-            "restitution": self.restitution,
-            "internal_rate_hz": self.internal_rate_hz,
-            "limiter": self.limiter,
-            "mix_effects": self.mix_effects,
-            "gain_db": self.gain_db,
-            "max_polyphony": self.max_polyphony,
+            "settings": self.settings,
             "note_hz": self.note_hz,
-            "economy": self.economy,
             "only_notes": self._only_notes,
             "every_fret": self._every_fret,
-            "threads": self.threads,
             "bindings": self._given_bindings,
-            "mpe": self.mpe,
-            "seed": self.seed,
+            "mix_effects": self.mix_effects,
             "policy": self._policy,
         }
         if self._bank is None:
@@ -228,7 +199,7 @@ class Engine:
         Raises ValueError or TypeError for a rate or block that cannot be, PresetError for notes that cannot be played.
         """
         rate_hz = arguments.rate(rate_hz)
-        max_block = arguments.a_count("max_block", max_block, 1, MOST_BLOCK)
+        max_block = a_count("max_block", max_block, 1, MOST_BLOCK)
         self.close()
         self._bank = None  # until all is there: `process` works on addresses
         self.rate_hz = rate_hz
@@ -249,10 +220,10 @@ class Engine:
                 try:
                     cache[key] = compile_preset(
                         preset,
-                        quality=self.quality,
+                        quality=self.settings.quality,
                         rate_hz=self.rate_hz,
-                        scheme=self.scheme,
-                        internal_rate_hz=self.internal_rate_hz,
+                        scheme=self.settings.scheme,
+                        internal_rate_hz=self.settings.internal_rate_hz,
                         note_hz=self.note_hz,
                         only_notes=wanted,
                         every_fret=self._every_fret,
@@ -275,46 +246,45 @@ class Engine:
             self._channels,
             self.program_map,
             self.rate_hz,
-            self.scheme,
-            self.restitution,
+            self.settings.scheme,
+            self.settings.restitution,
             self._compiled_pitch(),
             self._bindings,
             single=self.precision == FLOAT32,
         )
         bank = built.bank
-        ceiling = db_to_gain(CEILING_DB) if self.limiter else None
+        ceiling = db_to_gain(CEILING_DB) if self.settings.limiter else None
         self._chains = Chains(self.parts, self.mix_effects, ceiling, self.rate_hz)
-        polyphony = self.max_polyphony or sum(preset.mapping.polyphony for preset in self.parts)
-        self._settings = Settings(
+        polyphony = self.settings.polyphony or sum(preset.mapping.polyphony for preset in self.parts)
+        self._core_settings = Settings(
             self.rate_hz,
             math.inf if ceiling is None else ceiling,
             self._chains.mix_latency,
-            db_to_gain(self.gain_db),
+            db_to_gain(self.settings.gain_db),
             polyphony,
             -math.expm1(-1.0 / (GAIN_SMOOTHING_S * self.rate_hz)),
             math.exp(-2.0 * math.pi * DC_BLOCK_HZ / self.rate_hz),
-            int(self.economy),
+            int(self.settings.economises),
             span_quanta(compiled),
-            self.seed,
+            self.settings.seed,
         )
         self._excitations = Excitations(self.parts)
         self._built, self._known_origin = built, b""
         self._strings = Strings(built)
         called = entries(bool(built.bodies), bool(built.boards))
-        self._shared: Shared = new_shared(bank, self._settings.span, called, self._strings)
+        self._shared: Shared = new_shared(bank, self._core_settings.span, called, self._strings)
         self._excitations.point(self._shared)
         self._scratch = new_scratch(bank), new_scratch(bank)
         self._thread_table = table(*self._scratch)
-        self._state: State = new_state(bank, self._settings.span, default_parameters(compiled), self._chains.at_rest())
-        self._fresh: State = new_state(bank, self._settings.span, default_parameters(compiled), self._chains.at_rest())
+        self._state: State = new_state(bank, self._core_settings.span, default_parameters(compiled), self._chains.at_rest())
+        self._fresh: State = new_state(bank, self._core_settings.span, default_parameters(compiled), self._chains.at_rest())
         self._effects: Effects
         self._effects, self._effect_tables = self._chains.bound(self._state)
-        self._core = table(bank, self._state, self._shared, self._settings, self._effects)
-        addresses = self._core.ctypes.data, self._thread_table.ctypes.data
-        self._voices = table(voices_for(bank, self._state, self._shared, self._settings, *addresses))
+        self._core = table(bank, self._state, self._shared, self._core_settings, self._effects)
         self._shared.task[layout.HANDLE] = policy.entry(self._policy).address
-        self._shared.task[layout.VOICES] = self._voices.ctypes.data
+        self._observed = None
         self._bank = bank
+        self._place_voices()
         self._make_team()
         self.reset()
         self.process(np.zeros(0, EVENT), np.zeros((2 * layout.QUANTUM, 2)))
@@ -328,7 +298,9 @@ class Engine:
             return []
         slowest = self.rate_hz * min(factor for factor, _ in plans)
         highest_hz = max(float(omega.max()) for _, omega in plans) / (2.0 * math.pi)
-        risk = energy_warning(self.scheme, self.restitution, slowest, "internal_rate_hz", self.rate_hz, highest_hz)
+        risk = energy_warning(
+            self.settings.scheme, self.settings.restitution, slowest, "internal_rate_hz", self.rate_hz, highest_hz
+        )
         return [] if risk is None else [risk]
 
     @property
@@ -343,26 +315,28 @@ class Engine:
         Raises TypeError or ValueError for a seed that cannot be.
         """
         self._prepared()
-        if seed is not None and seed != self.seed:
-            self.seed = arguments.a_count("seed", seed, 0, MOST_SEED)
-            self._settings = self._settings._replace(seed=self.seed)
+        if seed is not None and seed != self.settings.seed:
+            self.settings = replace(self.settings, seed=seed)
+            self._core_settings = self._core_settings._replace(seed=self.settings.seed)
             self._known_origin = b""
-            settings, at = table(self._settings), sum(map(words, CORE_PARTS[: CORE_PARTS.index(Settings)]))
+            settings, at = table(self._core_settings), sum(map(words, CORE_PARTS[: CORE_PARTS.index(Settings)]))
             self._core[at : at + settings.size] = settings
         for mine, fresh in zip(self._state, self._fresh, strict=True):
             bytes_of(mine[: len(fresh)])[:] = bytes_of(fresh)
         self._strings.reset()
         self._shared.task[layout.UNTIL] = 0
-        self._state.part_state["left"] = self._state.part_state["right"] = self._settings.gain
+        self._state.part_state["left"] = self._state.part_state["right"] = self._core_settings.gain
         # a channel begins with the lowest program that it has a part for
         self._state.channels["program"] = (self.program_map >= 0).argmax(axis=1)
 
-        if self.mpe:
+        if self.settings.mpe:
             set_zone(self._voices.ctypes.data, LOWER, MOST_MEMBERS)
 
     def _own_kinds(self) -> bytes:
         """What tells this engine's law, effects and excitations from another's."""
-        return b" ".join((self.scheme.encode(), self.precision.encode(), self._chains.origin(), self._excitations.origin()))
+        return b" ".join(
+            (self.settings.scheme.encode(), self.precision.encode(), self._chains.origin(), self._excitations.origin())
+        )
 
     def _compiled_pitch(self) -> np.ndarray:
         """(128,) pitch of every key [semitones]; of a preset with another concert pitch it is its own equal temperament."""
@@ -372,10 +346,16 @@ class Engine:
             pitch[given] = [hz_to_midi(float(self.note_hz[key])) for key in given]
         return pitch
 
+    def _place_voices(self) -> None:
+        """The voice policy's table, which leads to the core's."""
+        addresses = self._core.ctypes.data, self._thread_table.ctypes.data
+        self._voices = table(voices_for(self._prepared(), self._state, self._shared, self._core_settings, *addresses))
+        self._shared.task[layout.VOICES] = self._voices.ctypes.data
+
     def _make_team(self) -> None:
         """Start the workers, as many as there are threads beside the caller's and strings for them."""
         bank = self._prepared()
-        wanted = cores() if self.threads == "auto" else int(self.threads)
+        wanted = cores() if self.settings.threads == "auto" else int(self.settings.threads)
         workers = min(wanted, bank.instruments.size) - 1
         if workers > 0:
             self._worker_scratch = [(new_scratch(bank), new_scratch(bank)) for _ in range(workers)]
@@ -424,6 +404,54 @@ class Engine:
         """What the native `process` takes as `core` and `thread`, valid until the next `prepare`."""
         self._prepared()
         return self._core.ctypes.data, self._thread_table.ctypes.data
+
+    @property
+    def memory(self) -> EngineMemory:
+        """Its arrays and tables, as they are until the next `prepare`."""
+        self._prepared()
+        return EngineMemory(
+            self._built,
+            self._state,
+            self._shared,
+            self._core_settings,
+            self._effects,
+            self._chains,
+            self._strings,
+            self._excitations,
+            self._scratch,
+            self._core,
+            self._thread_table,
+            self._voices,
+            self._effect_tables,
+        )
+
+    def observe(
+        self, place: int, watch: Callable[[int, int, int, int], None], records: Callable[[int], _Records]
+    ) -> _Records:
+        """Put an observer in the place of a function that the engine calls, until the next `prepare`; its records.
+
+        place    of the function in Shared.task: `layout.STEP` (core, thread, string, steps) or `layout.TOGETHER` (core,
+                 thread, instrument, –)
+        watch    a function of the same arguments, compiled here: it has the function's work done by `views.call_back`, at
+                 once or in parts, and reads what it wants in between
+        records  of the function's address, the NamedTuple that `watch` opens by `opener(Records, CORE_WORDS)`
+        Raises ValueError for an engine that is observed already, or that several threads compute.
+        """
+        self._prepared()
+        if self._observed is not None:
+            raise ValueError("an engine must have one observer, got a second; prepare it anew")
+        if self._team is not None:
+            raise ValueError(
+                f"an observed engine must have one thread, got threads {self.settings.threads!r}; make it with threads=1"
+            )
+        kept = records(int(self._shared.task[place]))
+        observer = entry(watch, 4)
+        # behind the engine's tables, which it reads no further than their end
+        self._core = np.concatenate([self._core, table(kept)])
+        self._place_voices()
+        self._shared.task[place] = observer.address
+        self._observed = observer, kept
+        return kept
 
     @property
     def strings_sounding(self) -> int:
@@ -500,12 +528,12 @@ class Engine:
     def spare(self, level: float) -> None:
         self._prepared()
         most = layout.BLOWN_UP  # no string's is higher
-        self._state.meters[layout.SPARE] = arguments.a_number("the level below which strings are spared", level, 0.0, most)
+        self._state.meters[layout.SPARE] = a_number("the level below which strings are spared", level, 0.0, most)
 
     def reserve(self, events: int) -> None:
         """Room for at least so many events that wait, for callers of the native core, which cannot make any."""
         self._prepared()
-        events = arguments.a_count("events", events, 0, snapshot.MOST_EVENTS)
+        events = a_count("events", events, 0, snapshot.MOST_EVENTS)
         if events > self._state.pending.size:
             self._grow_queue(events)
 
@@ -517,24 +545,20 @@ class Engine:
     def get_state(self) -> bytes:
         """Everything that sounds, to be given back to `set_state` of an engine prepared in the same way."""
         self._prepared()
-        return snapshot.pack(self._changing(), int(self._state.counters[layout.PENDING]), self._origin())
+        return snapshot.pack(self.memory.changing, int(self._state.counters[layout.PENDING]), self._origin())
 
     def set_state(self, data: bytes) -> None:
         """Go on from a state. Raises ValueError for bytes that `get_state` did not give, that were changed, come from
         another version, or from other presets, rate or quality: the engine then goes on from where it was."""
         bank = self._prepared()
-        arrays = snapshot.unpack(data, self._changing(), self._origin())
+        arrays = snapshot.unpack(data, self.memory.changing, self._origin())
         defaults = default_parameters(self.compiled)
-        check_state(bank, self._settings, self._chains.problem, self._strings, arrays, defaults)
+        check_state(bank, self._core_settings, self._chains.problem, self._strings, arrays, defaults)
         waiting = arrays["pending"].size
         if waiting > self._state.pending.size:
             self._grow_queue(waiting)
-        for name, mine in self._changing().items():
+        for name, mine in self.memory.changing.items():
             mine[: len(arrays[name])] = arrays[name]
-
-    def _changing(self) -> dict[str, np.ndarray]:
-        """All that changes while sounding, by name."""
-        return {**self._state._asdict(), **self._strings.arrays()}
 
     def _grow_queue(self, size: int) -> None:
         bigger = np.zeros(size, EVENT)
@@ -544,14 +568,14 @@ class Engine:
     def _set_queue(self, pending: np.ndarray) -> None:
         """Another array for the events that wait."""
         state = self._state._replace(pending=np.ascontiguousarray(pending))
-        fresh = table(self._prepared(), state, self._shared, self._settings, self._effects)
+        fresh = table(self._prepared(), state, self._shared, self._core_settings, self._effects)
         self._core[: fresh.size] = fresh  # what stands behind its own parts stays
         self._state = state
 
     def _origin(self) -> bytes:
         """What states of this engine belong to."""
         if not self._known_origin:
-            self._known_origin = snapshot.origin_of(self._built, self._settings, self._own_kinds())
+            self._known_origin = snapshot.origin_of(self._built, self._core_settings, self._own_kinds())
         return self._known_origin
 
     @property
@@ -575,7 +599,7 @@ class Engine:
         limiter = self._chains.limiter(state)
         return EngineReport(
             float(state.meters[layout.PEAK]),
-            0.0 if limiter is None else largest_reduction_db(LimiterState(*limiter)),
+            0.0 if limiter is None else largest_reduction_db(limiter),
             self.strings_sounding,
             int(counters[layout.MOST_AWAKE]),
             int(counters[layout.N_NOTES]),

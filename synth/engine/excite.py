@@ -26,11 +26,11 @@ class Excitations:
             else:
                 found = EXCITATIONS.get(settings.kind)
                 self._of.append((found, found.made(settings)))
-        self._tables = [np.zeros(0, np.int64) if each is None else table(each[1]) for each in self._of]
+        self.tables = [np.zeros(0, np.int64) if each is None else table(each[1]) for each in self._of]
 
     def point(self, shared: Shared) -> None:
         """Put the addresses where the core looks for them."""
-        for part, (each, constants) in enumerate(zip(self._of, self._tables, strict=True)):
+        for part, (each, constants) in enumerate(zip(self._of, self.tables, strict=True)):
             if each is not None:
                 shared.excitation[part, BEGIN_HOLD] = entry(each[0].begin, 4).address
                 shared.excitation[part, FOLLOW] = entry(each[0].follow, 4).address

@@ -55,7 +55,7 @@ def _pluck(core: int, thread: int, k: int, velocity: float, legato: bool) -> Non
     pluck(core, thread, position.string, position.model, velocity, legato)
 
 
-def _respond(core: int, thread: int, action: int, place: int, velocity: int) -> None:
+def respond(core: int, thread: int, action: int, place: int, velocity: int) -> None:
     perform(core, thread, action, place, velocity)
 
 
@@ -63,5 +63,11 @@ def voices_for(bank: Bank, state: State, shared: Shared, settings: Settings, cor
     """The policy's view of an engine whose strings it moves."""
     arrays = {**bank._asdict(), **state._asdict(), **shared._asdict()}
     seen = {name: arrays[name] for name, field in fields(Voices).items() if field.shape}
-    respond = entry(_respond, 5).address
-    return Voices(**seen, polyphony=settings.polyphony, rate_hz=settings.rate_hz, respond=respond, core=core, thread=thread)
+    return Voices(
+        **seen,
+        polyphony=settings.polyphony,
+        rate_hz=settings.rate_hz,
+        respond=entry(respond, 5).address,
+        core=core,
+        thread=thread,
+    )

@@ -121,7 +121,7 @@ def _produce(core: int, thread: int, end: int) -> None:
     else:
         quanta = 1
         _smooth_controls(core, 0)
-        _quantum_with_events(core, thread, start)
+        quantum_with_events(core, thread, start)
     mix_span(core, start, quanta)
     state.counters[PRODUCED] = start + quanta * QUANTUM
 
@@ -148,7 +148,7 @@ def _run_instruments(core: int, thread: int, frames: int) -> None:
 
 
 @njit(**CORE)
-def _quantum_with_events(core: int, thread: int, start: int) -> None:
+def quantum_with_events(core: int, thread: int, start: int) -> None:
     """One quantum with its events. A string goes on to an event's frame if the event touches it (`hands`), and
     at last all go to the quantum's end."""
     state, shared = state_of(core), shared_of(core)

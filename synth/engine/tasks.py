@@ -19,7 +19,7 @@ from synth.jit.entries import entry
 from synth.native.views import call_back
 
 
-def _work_on(core: int, thread: int, i: int, other: int) -> None:
+def work_on(core: int, thread: int, i: int, other: int) -> None:
     """Let instrument i do what Shared.task asks, and with it, where there is one (≥ 0), the other."""
     task = shared_of(core).task
     if other < 0 or task[TASK] == BEGIN or not (_is_one_string(core, i) and _is_one_string(core, other)):
@@ -96,11 +96,11 @@ def _work_on_one(core: int, thread: int, i: int) -> None:
 
 
 def entries(coupled: bool, boards: bool = False) -> tuple[int, int, int, int, int]:
-    """Addresses of `_work_on` (core, thread, i, other), of what makes steps (core, thread, s, steps), where strings share a
+    """Addresses of `work_on` (core, thread, i, other), of what makes steps (core, thread, s, steps), where strings share a
     bridge of `together.work_together` (core, thread, i, –), else 0, of what makes the steps of strings without a board, and
     of two of them at a time (core, thread, s, other, steps); compiled on first use.
 
-    Called by address: a function that contains the kernels takes seconds to compile. `_work_on` contains none, and neither
+    Called by address: a function that contains the kernels takes seconds to compile. `work_on` contains none, and neither
     `process` nor the loop of a worker contains it.
     """
     together = 0
@@ -113,4 +113,4 @@ def entries(coupled: bool, boards: bool = False) -> tuple[int, int, int, int, in
         from synth.engine.board_steps import make_steps_on_boards
 
         step = entry(make_steps_on_boards, 4).address
-    return entry(_work_on, 4).address, step, together, off_board, entry(make_steps_of_two, 5).address
+    return entry(work_on, 4).address, step, together, off_board, entry(make_steps_of_two, 5).address

@@ -69,7 +69,7 @@ def share_out(core: int, thread: int, count: int, mode_steps: int) -> None:
     store(words, UNFINISHED, count)
     store(words, LEFT, count)
     rouse(core, count, mode_steps)
-    while _take(core, thread):
+    while take_instruments(core, thread):
         pass
     looks = 0
     while load(words, UNFINISHED) > 0:
@@ -81,7 +81,7 @@ def share_out(core: int, thread: int, count: int, mode_steps: int) -> None:
 
 
 @njit(**CORE)
-def _take(core: int, thread: int) -> bool:
+def take_instruments(core: int, thread: int) -> bool:
     """Take an instrument and advance it, or two while there are enough for every thread; whether there was one."""
     shared = shared_of(core)
     words = shared.team
@@ -104,7 +104,7 @@ def _attend(core: int, thread: int, asleep: int) -> None:
     words = shared_of(core).team
     looks = 0
     while load(words, ENDING) == 0:
-        if _take(core, thread):
+        if take_instruments(core, thread):
             looks = 0
             continue
         looks += 1

@@ -10,7 +10,7 @@ from synth.engine.advance import advance_string, advance_two_strings, begin_quan
 from synth.engine.coefficients import refresh
 from synth.engine.hands import perform
 from synth.engine.mix import mix_span
-from synth.engine.process import _quantum_with_events
+from synth.engine.process import quantum_with_events
 from synth.engine.voices.policy import handle
 from synth.solver.blocks import advance_blocks
 from synth.solver.fingers import advance_under_finger
@@ -29,7 +29,7 @@ def kernels() -> list[tuple[Any, tuple[Any, ...]]]:
         (mix_span, words[3]),
         (one_by_one, words[6]),
         (refresh, words[3]),
-        (_quantum_with_events, words[3]),
+        (quantum_with_events, words[3]),
         (begin_quantum, words[4]),
         (advance, words[5]),
         (advance_string, words[5]),

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from synth.fit.contact_features import SECONDS, Bands
+from synth.fit.contact_features import SECONDS, ContactBands
 from synth.fit.contact_model import ContactModel, Grid
 from synth.fit.contact_search import NOTES, sobol
 from synth.fit.contact_space import Space, space_of
@@ -59,7 +59,7 @@ class Search:
         #: called now and then while notes are computed: it may raise FitCancelled
         self.pulse: Callable[[], None] = _nothing
 
-    def powers(self, point: Real, bands: Bands, grid: Grid, seconds: float | None = None) -> Real:
+    def powers(self, point: Real, bands: ContactBands, grid: Grid, seconds: float | None = None) -> Real:
         """(windows, B) of the note at a point of the cube, over the seconds that are compared or so many."""
         seconds = self.seconds if seconds is None else seconds
         return bands.powers(shaped(self._sound(point, grid, seconds), self.drive), grid.rate_hz, seconds)
@@ -70,7 +70,7 @@ class Search:
             self.pulse()
         return self.model.sound(self.space.stroke(point), grid, seconds + 0.05).frames
 
-    def dictionary(self, bands: Bands, done: Callable[[float], None]) -> tuple[Real, list[Real], list[Real]]:
+    def dictionary(self, bands: ContactBands, done: Callable[[float], None]) -> tuple[Real, list[Real], list[Real]]:
         """Points (n, d), their powers, and those behind a waveshaper; the last of bridges of one point only."""
         key = bands.edges_hz.tobytes(), bands.window_s
         if key not in self._dictionaries:

@@ -36,7 +36,7 @@ _LOWEST = 1e-30
 
 
 @dataclass(frozen=True)
-class Bands:
+class ContactBands:
     """edges_hz (B + 1,) rising; window_s and hop_s."""
 
     edges_hz: Real
@@ -67,7 +67,7 @@ class Bands:
         return max(1, int((seconds - self.window_s) / self.hop_s) + 1)
 
 
-def bands_of(string: String, rate_hz: float) -> Bands:
+def bands_of(string: String, rate_hz: float) -> ContactBands:
     """Those of a string, up to what a recording at rate_hz holds."""
     highest = min(HIGHEST_HZ, 0.45 * rate_hz)
     hz = modal_frequencies(string, PARTIALS + 1) / (2.0 * math.pi)
@@ -75,7 +75,7 @@ def bands_of(string: String, rate_hz: float) -> Bands:
     edges = list(between[between < highest])
     while edges[-1] * 2.0 ** (1.0 / OCTAVE) < highest:
         edges.append(edges[-1] * 2.0 ** (1.0 / OCTAVE))
-    return Bands(np.array(edges), max(WINDOW_S, PERIODS / float(hz[0])))
+    return ContactBands(np.array(edges), max(WINDOW_S, PERIODS / float(hz[0])))
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class Observed:
     used       (B,) whether a band does
     """
 
-    bands: Bands
+    bands: ContactBands
     shifts_s: Real
     level_db: Real
     clean_db: Real
@@ -116,7 +116,7 @@ class Observed:
         )  # fmt: skip
 
 
-def observe(x: Real, rate_hz: float, onset: int, bands: Bands, noise: Real, seconds: float = SECONDS) -> Observed:
+def observe(x: Real, rate_hz: float, onset: int, bands: ContactBands, noise: Real, seconds: float = SECONDS) -> Observed:
     """Features of a recording (n,) whose note begins about sample `onset`. noise: (B,), its power in the bands."""
     levels = []
     first = onset + np.round(SHIFTS_S * rate_hz).astype(np.int64)
@@ -149,7 +149,7 @@ def huber(x: Real) -> Real:
 
 
 @dataclass(frozen=True)
-class Compared:
+class ContactComparison:
     """loss of the best shift, which that is, each band's offset [dB] (B,) and what is left [dB] (windows, B)."""
 
     loss: float
@@ -158,7 +158,7 @@ class Compared:
     left_db: Real
 
 
-def compare(seen: Observed, power: Real, *, offset_weight: float = OFFSET_WEIGHT) -> Compared:
+def compare(seen: Observed, power: Real, *, offset_weight: float = OFFSET_WEIGHT) -> ContactComparison:
     """A model's powers (windows, B) with a recording's; the loss is the mean over windows and bands."""
     used = seen.used
     model = _db(power[:, used])
@@ -182,7 +182,7 @@ def compare(seen: Observed, power: Real, *, offset_weight: float = OFFSET_WEIGHT
     offsets[used] = offset[best]
     whole = np.full((level.shape[1], used.size), np.nan)
     whole[:, used] = left[best]
-    return Compared(float(loss[best]) / max(1, seen.points), best, offsets, whole)
+    return ContactComparison(float(loss[best]) / max(1, seen.points), best, offsets, whole)
 
 
 def _trend(terms: Real, offset: Real) -> Real:

@@ -19,8 +19,8 @@ from threadpoolctl import threadpool_limits
 
 from synth.fit.contact_damage import refuse_holes
 from synth.fit.contact_dictionary import GLANCE_S, Search
-from synth.fit.contact_features import HUBER_DB, Bands, Compared, Observed, compare, huber
-from synth.fit.contact_model import Bridge, Grid, Stroke
+from synth.fit.contact_features import HUBER_DB, ContactBands, ContactComparison, Observed, compare, huber
+from synth.fit.contact_model import Bridge, ContactStroke, Grid
 from synth.fit.contact_observed import seen_of
 from synth.fit.contact_search import evolve, starts_of
 from synth.fit.contact_space import Estimate, asked, estimates, with_inner
@@ -77,12 +77,12 @@ class NoteFit:
     spread_db  rms of what is left
     """
 
-    stroke: Stroke
+    stroke: ContactStroke
     values: dict[str, Estimate]
     loss: float
     free_loss: float
     touching: float
-    bands: Bands
+    bands: ContactBands
     offsets_db: Real
     recorded_db: Real
     model_db: Real
@@ -138,7 +138,7 @@ class _Fitting:
     def _loss(self, seen: Observed, grid: Grid, seconds: float | None = None) -> Callable[[Real], float]:
         return lambda point: compare(seen, self.search.powers(point, seen.bands, grid, seconds)).loss
 
-    def _near(self, point: Real, grid: Grid, reach: int, seconds: float | None = None) -> tuple[Observed, Compared]:
+    def _near(self, point: Real, grid: Grid, reach: int, seconds: float | None = None) -> tuple[Observed, ContactComparison]:
         """The recording at shifts near the best one of a point."""
         seen = self.seen if seconds is None else self.seen.first(self.seen.bands.windows(seconds))
         found = compare(seen, self.search.powers(point, seen.bands, grid, seconds))

@@ -41,7 +41,7 @@ HIGHEST_MODE_HZ = 22000.0
 
 
 @dataclass(frozen=True)
-class Hand:
+class PluckingHand:
     """What is held of a pluck: its width [m], the finger's spring [N/m] and its dashpot in units of the string's impedance;
     and about how long the string takes to slide off it, which is looked for, or 0, let go at once."""
 
@@ -67,7 +67,7 @@ class Bridge:
 
 
 @dataclass(frozen=True)
-class Stroke:
+class ContactStroke:
     """One note. height_m: of the thread over the bridge; distance_m of the bridge's edge from the
     end; position: of the pluck, from that end as a share of L; displacement_m it draws the ideal string by in draw_s;
     losses: factor of all decay rates; slip_s in which the string slides off the finger; inner: a second point between the
@@ -91,7 +91,7 @@ class Grid:
     modes: int
 
 
-class Played(NamedTuple):
+class ContactSound(NamedTuple):
     """frames (n,) at the grid's rate, in the output's units; touching: share of the steps in which a contact presses."""
 
     frames: Real
@@ -107,7 +107,7 @@ class ContactModel:
     output    (string, n) → weights (n,), (n,) of what is heard on q and q̇ of modes; None: the force at the obstacle's end
     """
 
-    def __init__(self, string: String, shape: Bridge, hand: Hand, output: Any = None) -> None:
+    def __init__(self, string: String, shape: Bridge, hand: PluckingHand, output: Any = None) -> None:
         self.string, self.shape, self.hand = string, shape, hand
         self._output = output
         self._known: dict[Grid, tuple[Real, Real]] = {}
@@ -139,7 +139,7 @@ class ContactModel:
             )
         pluck = preset.pluck
         slip_s = 1e-3 * (at_note(pluck.hardest_slip_ms, note) or at_note(pluck.slip_ms, note))
-        hand = Hand(1e-3 * pluck.width_mm, slip_s, 1e3 * pluck.finger_stiffness_n_mm, pluck.finger_loss)
+        hand = PluckingHand(1e-3 * pluck.width_mm, slip_s, 1e3 * pluck.finger_stiffness_n_mm, pluck.finger_loss)
         if preset.output.kind == "body":
             return cls(string, found, hand)
         return cls(string, found, hand, lambda of, n: output_weights(preset, of, string.length_m, n))
@@ -169,7 +169,7 @@ class ContactModel:
                 self._heard[n] = on_q if np.any(on_q) else on_v * base_frequencies(self.string, n)
         return self._heard[n]
 
-    def _scene(self, grid: Grid, stroke: Stroke) -> driver.Model:
+    def _scene(self, grid: Grid, stroke: ContactStroke) -> driver.Model:
         omega, sigma = self._modal(grid)
         n, string = grid.modes, self.string
         obstacle = self.shape.obstacle(string.length_m, stroke.height_m, stroke.distance_m)
@@ -195,7 +195,7 @@ class ContactModel:
             1.0,
         )
 
-    def sound(self, stroke: Stroke, grid: Grid, seconds: float) -> Played:
+    def sound(self, stroke: ContactStroke, grid: Grid, seconds: float) -> ContactSound:
         """The note from the moment the finger lets go (begins to slide)."""
         model, n = self._scene(grid, stroke), grid.modes
         string, rate = self.string, grid.rate_hz
@@ -217,4 +217,4 @@ class ContactModel:
                 slipped,
             )  # fmt: skip
             driver.run(model, run, max(0, frames - slip))
-        return Played(run.u[draw + 1 : draw + 1 + frames, 0], int(run.counts[driver.CONTACT_STEPS]) / (draw + frames))
+        return ContactSound(run.u[draw + 1 : draw + 1 + frames, 0], int(run.counts[driver.CONTACT_STEPS]) / (draw + frames))

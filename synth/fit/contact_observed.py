@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from synth.fit.contact_features import Bands, Observed, bands_of, observe
+from synth.fit.contact_features import ContactBands, Observed, bands_of, observe
 from synth.fit.recording import FitRefused, Note
 from synth.physics.string import String
 
@@ -35,7 +35,7 @@ def seen_of(string: String, note: Note) -> Observed:
     return observe(whole, note.rate_hz, note.before.size, bands, np.maximum(noise, floor))
 
 
-def quiet_power(x: Real, rate_hz: float, bands: Bands) -> Real:
+def quiet_power(x: Real, rate_hz: float, bands: ContactBands) -> Real:
     """(B,) power of the noise from what lies between the partials, towards the end of a note."""
     size = round(bands.window_s * rate_hz)
     padded = 2 ** math.ceil(math.log2(size))

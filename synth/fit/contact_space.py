@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from synth.fit.contact_model import Stroke
+from synth.fit.contact_model import ContactStroke
 from synth.physics.string import String
 
 Real = NDArray[np.float64]
@@ -75,7 +75,7 @@ class Space:
         """Of all unknowns, and what is held."""
         return {**dict(self.held), **{u.name: u.at(float(x)) for u, x in zip(self.unknowns, point, strict=True)}}
 
-    def stroke(self, point: Sequence[float] | Real) -> Stroke:
+    def stroke(self, point: Sequence[float] | Real) -> ContactStroke:
         value = self.values(point)
         length, place = self.string.length_m, value["position"]
         hand = value["draw"], value["losses"], value.get("slip", 0.0)
@@ -84,7 +84,7 @@ class Space:
         inner = None
         if "inner_place" in value:
             inner = value["inner_place"], value["inner_height"] * value["inner_place"] * most
-        return Stroke(value["height"] * most, distance, place, self.amplitude_m, *hand, inner)
+        return ContactStroke(value["height"] * most, distance, place, self.amplitude_m, *hand, inner)
 
     def point(self, value: dict[str, float]) -> Real:
         """The point at which the unknowns have these values."""

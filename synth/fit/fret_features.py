@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from synth.fit.contact_features import ABOVE_DB, HUBER_DB, OFFSET_DB, OFFSET_WEIGHT, Bands, huber
+from synth.fit.contact_features import ABOVE_DB, HUBER_DB, OFFSET_DB, OFFSET_WEIGHT, ContactBands, huber
 from synth.fit.contact_observed import quiet_power
 from synth.fit.recording import FitRefused, Note
 
@@ -36,7 +36,7 @@ class Heard:
     """Features of a recording: level_db (S, W, B) at each shift of the onset, clean_db without the noise, noise (B,) its
     power, counts (S, W, B) whether a window stands out of it."""
 
-    bands: Bands
+    bands: ContactBands
     level_db: Real
     clean_db: Real
     noise: Real
@@ -48,7 +48,7 @@ class Heard:
         return Heard(self.bands, self.level_db[chosen], self.clean_db[chosen], self.noise, self.counts[chosen])
 
 
-def hear(note: Note, bands: Bands) -> Heard:
+def hear(note: Note, bands: ContactBands) -> Heard:
     """Features of a note. Raises FitRefused where it is too short."""
     seconds = note.samples.size / note.rate_hz
     if seconds < LEAST_S:
@@ -77,7 +77,7 @@ def db(power: Real) -> Real:
 
 
 @dataclass(frozen=True)
-class Between:
+class BandTransfer:
     """What lies between string and recording, of bands: offset_db and slope_db_s (B,), NaN where no stroke that touches
     nothing tells; trend_db (B,) smooth, and everywhere."""
 
@@ -91,7 +91,7 @@ class Between:
 
 
 @dataclass(frozen=True)
-class Compared:
+class FretComparison:
     """loss (1: about 3 dB), shift, gain_db beside the softest stroke's, left_db (W, B) and offset_db (B,), NaN where not
     compared."""
 
@@ -102,7 +102,7 @@ class Compared:
     offset_db: Real
 
 
-def first_seen(heard: Heard, power: Real) -> tuple[Compared, Between]:
+def first_seen(heard: Heard, power: Real) -> tuple[FretComparison, BandTransfer]:
     """A stroke that touches nothing with its model's powers (W, B): what they differ in is what lies between."""
     model = db(power)
     weight = heard.counts.astype(np.float64)
@@ -119,11 +119,11 @@ def first_seen(heard: Heard, power: Real) -> tuple[Compared, Between]:
     found = np.where(used[best], offset[best], np.nan)
     whole = np.where(used[best], left[best], np.nan)
     slope, begun = _slopes(heard, best, model)
-    between = Between(np.where(used[best], begun, np.nan), np.where(used[best], slope, np.nan), trend[best])
-    return Compared(float(loss[best]), best, 0.0, whole, found), between
+    between = BandTransfer(np.where(used[best], begun, np.nan), np.where(used[best], slope, np.nan), trend[best])
+    return FretComparison(float(loss[best]), best, 0.0, whole, found), between
 
 
-def compare(heard: Heard, power: Real, between: Between) -> Compared:
+def compare(heard: Heard, power: Real, between: BandTransfer) -> FretComparison:
     """A recording with a model's powers (W, B), given what lies between."""
     known = between.known
     windows = np.arange(power.shape[0]) * heard.bands.hop_s
@@ -142,7 +142,7 @@ def compare(heard: Heard, power: Real, between: Between) -> Compared:
     loss = loss + OFFSET_WEIGHT * huber(beside / OFFSET_DB).sum(axis=1)
     loss = loss / np.maximum(1, used.sum(axis=1) * power.shape[0])
     best = int(np.argmin(loss))
-    return Compared(
+    return FretComparison(
         float(loss[best]), best, float(gain[best]), np.where(used[best], left[best], np.nan),
         np.where(used[best], offset[best], np.nan),
     )  # fmt: skip

@@ -18,7 +18,7 @@ from synth.fit.contact_features import bands_of
 from synth.fit.contact_group import Recording
 from synth.fit.fret_features import Heard, hear
 from synth.fit.fret_linear import Linear, first_linear, next_linear
-from synth.fit.fret_model import RATE_HZ, FretModel, Hand, measured_fret
+from synth.fit.fret_model import RATE_HZ, FretHand, FretModel, measured_fret
 from synth.fit.fret_search import Minimum, Touching, minima
 from synth.fit.pitch import find_series
 from synth.fit.recording import FitCancelled, FitRefused, Note, Progress, cut_note
@@ -150,7 +150,12 @@ def _fret_of(preset: Preset, index: int, notes: Sequence[Note]) -> tuple[int, fl
 
 class _Fitting:
     def __init__(
-        self, model: FretModel, notes: list[Note], amplitudes: list[float], position: float | None, progress: Progress
+        self,
+        model: FretModel,
+        notes: list[Note],
+        amplitudes: list[float],
+        position: float | None,
+        progress: Progress,
     ) -> None:
         self.model, self.amplitudes, self.position, self.progress = model, amplitudes, position, progress
         bands = bands_of(model.string, min(RATE_HZ, min(note.rate_hz for note in notes)))
@@ -201,7 +206,7 @@ class _Fitting:
         self._refuse(least, said)
         return self._told(preset, index, first, least, touches, losses, low, high)
 
-    def _bracket(self, touches: dict[int, bool | None], hands: dict[int, Hand], first: Linear) -> tuple[float, float]:
+    def _bracket(self, touches: dict[int, bool | None], hands: dict[int, FretHand], first: Linear) -> tuple[float, float]:
         """Actions between which the strokes leave it [mm]."""
         low, high = 0.02, math.inf
         top = 4.0 * max(self.amplitudes) + 2.0

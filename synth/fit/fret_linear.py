@@ -15,8 +15,18 @@ from numpy.typing import NDArray
 from synth.fit.contact_features import PARTIALS, huber
 from synth.fit.contact_search import evolve, sobol, starts_of
 from synth.fit.contact_space import Unknown
-from synth.fit.fret_features import LEAST_WINDOWS, SECONDS, Between, Compared, Heard, compare, db, first_seen, smooth
-from synth.fit.fret_model import FREE_MM, RATE_HZ, FretModel, Hand
+from synth.fit.fret_features import (
+    LEAST_WINDOWS,
+    SECONDS,
+    BandTransfer,
+    FretComparison,
+    Heard,
+    compare,
+    db,
+    first_seen,
+    smooth,
+)
+from synth.fit.fret_model import FREE_MM, RATE_HZ, FretHand, FretModel
 from synth.physics.modes import modal_frequencies
 
 Real = NDArray[np.float64]
@@ -39,18 +49,18 @@ _FINALISTS, _FINAL = 5, 110
 class Linear:
     """A stroke that touches nothing as it is heard: hand, what is compared, between."""
 
-    hand: Hand
-    compared: Compared
-    between: Between
+    hand: FretHand
+    compared: FretComparison
+    between: BandTransfer
 
 
-def powers(model: FretModel, heard: Heard, action: float, amplitude_mm: float, hand: Hand, quality: str) -> Real:
+def powers(model: FretModel, heard: Heard, action: float, amplitude_mm: float, hand: FretHand, quality: str) -> Real:
     """(W, B) of a stroke."""
     sound = model.sound(action, amplitude_mm, hand, SECONDS + 0.05, quality)
     return heard.bands.powers(sound, RATE_HZ, SECONDS)
 
 
-def _hand(unknowns: tuple[Unknown, ...], point: Real, held: Hand) -> Hand:
+def _hand(unknowns: tuple[Unknown, ...], point: Real, held: FretHand) -> FretHand:
     values = {u.name: u.at(float(x)) for u, x in zip(unknowns, point, strict=True)}
     names = {"position": "position", "slip": "slip_s", "draw": "draw_s", "losses": "losses"}
     return replace(held, **{names[name]: value for name, value in values.items()})
@@ -110,7 +120,7 @@ def _combs(model: FretModel, heard: Heard, amplitude_mm: float, position: float 
     k = np.arange(1, count + 1)
     hz = modal_frequencies(model.string, count) / (2.0 * np.pi)
     length = model.string.length_m / model.open_m
-    least = Hand(max(0.02, 0.02 * length), 1e-4, 0.025)
+    least = FretHand(max(0.02, 0.02 * length), 1e-4, 0.025)
     level = db(powers(model, heard, FREE_MM, amplitude_mm, least, "draft"))[:, :count]
     weight = np.maximum(seen, 1e-3) / np.maximum(seen, 1e-3).sum(axis=0)
     near = (weight * level).sum(axis=0) - _level(np.sin(k * np.pi * least.position / length))
@@ -152,7 +162,7 @@ def _others(loss: Callable[[Real], float], unknowns: tuple[Unknown, ...], point:
     return point, best
 
 
-def next_linear(model: FretModel, heard: Heard, amplitude_mm: float, first: Linear) -> tuple[Hand, float]:
+def next_linear(model: FretModel, heard: Heard, amplitude_mm: float, first: Linear) -> tuple[FretHand, float]:
     """Another stroke as if it touched nothing: hand, and the loss that it has then."""
     slip, draw = first.hand.slip_s, first.hand.draw_s
     unknowns = (Unknown("slip", 0.3 * slip, 1.8 * slip, True), Unknown("draw", 0.6 * draw, 1.6 * draw, True))

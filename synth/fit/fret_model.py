@@ -43,7 +43,7 @@ _OUT_OF_REACH_MM = 150.0
 
 
 @dataclass(frozen=True)
-class Hand:
+class FretHand:
     """What of strokes is their own or in the way: place of plucking from the saddle as a share of the open length; seconds
     in which the string slides off the finger and in which it is drawn aside; factor of the losses."""
 
@@ -166,13 +166,13 @@ class FretModel:
         self._engines: dict[Any, Engine] = {}
 
     @property
-    def stroke(self) -> Hand:
+    def stroke(self) -> FretHand:
         """As the preset's hardest."""
         pluck, note = self.preset.pluck, self.note
         slip, draw = at_note(pluck.hardest_slip_ms, note), at_note(pluck.draw_ms, note)
-        return Hand(pluck.hardest_position, 1e-3 * slip, 1e-3 * draw)
+        return FretHand(pluck.hardest_position, 1e-3 * slip, 1e-3 * draw)
 
-    def _engine(self, action: float, hand: Hand, quality: str) -> Engine:
+    def _engine(self, action: float, hand: FretHand, quality: str) -> Engine:
         # place and amplitude are live parameters; of the rest the engine is made anew
         key = action, replace(hand, position=0.0), quality
         found = self._engines.get(key)
@@ -209,7 +209,7 @@ class FretModel:
         changed = {"heights_mm": heights, "count": len(heights), "action_12th_mm": None}
         return self.preset.model_copy(update={"obstacle": shape.model_copy(update=changed)})
 
-    def sound(self, action: float, amplitude_mm: float, hand: Hand, seconds: float, quality: str = "standard") -> Real:
+    def sound(self, action: float, amplitude_mm: float, hand: FretHand, seconds: float, quality: str = "standard") -> Real:
         """(n,) of a stroke that draws the open string aside by amplitude_mm, as `pluck.displacement_mm` counts it, from the
         moment that the finger lets go. Raises ValueError for an action at which a fret presses."""
         self.evaluations += 1
@@ -219,7 +219,7 @@ class FretModel:
             (0, NOTE_ON, 0, self.note, 127),
         ], hand.draw_s, seconds)  # fmt: skip
 
-    def touches(self, action: float, amplitude_mm: float, hand: Hand) -> bool:
+    def touches(self, action: float, amplitude_mm: float, hand: FretHand) -> bool:
         """Whether the stroke reaches a fret, or the string lies on one."""
         try:
             first = [self.sound(each, amplitude_mm, hand, _FIRST_S, "standard") for each in (action, FREE_MM)]
@@ -227,7 +227,7 @@ class FretModel:
             return True
         return float(np.abs(first[0] - first[1]).max()) > _TOUCHED * float(np.abs(first[1]).max())
 
-    def reached_mm(self, amplitude_mm: float, hand: Hand, low: float, high: float, within: float = 0.004) -> float:
+    def reached_mm(self, amplitude_mm: float, hand: FretHand, low: float, high: float, within: float = 0.004) -> float:
         """The highest action between two at which a stroke touches, to within some mm."""
         if not self.touches(low, amplitude_mm, hand):
             return low

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from synth.fit.contact_search import evolve, sobol, starts_of
 from synth.fit.contact_space import Unknown
-from synth.fit.fret_features import Between, Compared, Heard, compare
+from synth.fit.fret_features import BandTransfer, FretComparison, Heard, compare
 from synth.fit.fret_linear import powers
-from synth.fit.fret_model import FretModel, Hand
+from synth.fit.fret_model import FretHand, FretModel
 from synth.instrument.preset import PresetError
 
 Real = NDArray[np.float64]
@@ -33,11 +33,11 @@ class Minimum:
     """Where a stroke's loss is least: action [mm], hand, loss; low and high of what lies near the best [mm]; compared."""
 
     action_mm: float
-    hand: Hand
+    hand: FretHand
     loss: float
     low_mm: float
     high_mm: float
-    compared: Compared
+    compared: FretComparison
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Touching:
     high_mm: float
 
 
-def unknowns_of(stroke: Touching, hand: Hand) -> tuple[Unknown, ...]:
+def unknowns_of(stroke: Touching, hand: FretHand) -> tuple[Unknown, ...]:
     """What is looked for of a stroke, when a soft one has this hand."""
     return (
         Unknown("action", stroke.low_mm, stroke.high_mm),
@@ -60,16 +60,16 @@ def unknowns_of(stroke: Touching, hand: Hand) -> tuple[Unknown, ...]:
 
 
 def minima(
-    model: FretModel, stroke: Touching, hand: Hand, between: Between, pulse: Callable[[float], None]
+    model: FretModel, stroke: Touching, hand: FretHand, between: BandTransfer, pulse: Callable[[float], None]
 ) -> list[Minimum]:
     """The least losses of a stroke, best first. pulse: told how much is done; it may raise."""
     unknowns = unknowns_of(stroke, hand)
 
-    def parts(point: Real) -> tuple[float, Hand]:
+    def parts(point: Real) -> tuple[float, FretHand]:
         value = {u.name: u.at(float(x)) for u, x in zip(unknowns, np.clip(point, 0.0, 1.0), strict=True)}
         return value["action"], replace(hand, slip_s=value["slip"], draw_s=value["draw"])
 
-    def compared(point: Real) -> Compared:
+    def compared(point: Real) -> FretComparison:
         action, mine = parts(point)
         heard = powers(model, stroke.heard, action, stroke.amplitude_mm, mine, "standard")
         return compare(stroke.heard, heard, between)

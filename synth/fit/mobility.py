@@ -23,8 +23,7 @@ SILENT = 1e-12
 LOUDEST = 1e6
 
 Component = tuple[int, int]
-#: a pair of columns that make a complex number
-_PARTS = {"re": ("im",), "im": ("re",), "abs": ("phase",), "db": ("phase",), "phase": ("abs", "db")}
+#: what columns call the parts of a complex number
 _WORDS = {"real": "re", "imag": "im", "mag": "abs", "magnitude": "abs", "arg": "phase"}
 _PART = "(real|re|imag|im|abs|magnitude|mag|db|phase|arg)"
 _UNIT = r"[\s_]*[\[(]?(?P<unit>[^\[\]]*?)[\])]?"

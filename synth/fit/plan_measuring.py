@@ -19,13 +19,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from synth.dsp.decimator import MAXIMUM_FACTOR
+from synth.dsp.rates import MAXIMUM_FACTOR
 from synth.engine.engine import Engine
 from synth.fit.plan_measures import ROLLING, distances_measured, judged_of_one
-from synth.fit.tune import single_strings
 from synth.instrument.articulations import NORMAL, Articulation, Hand
 from synth.instrument.compile import note_frequency, open_string, plannable, string_kind
 from synth.instrument.fingerprints import PLAIN, UNSTEADY, WAYS, fingerprint, stroke_of, strokes
+from synth.instrument.neck import single_strings
 from synth.instrument.plan import FAR, FREE, KEPT, choose_factor
 from synth.instrument.planfile import PROMISED, Measured, MeasuredPlan, MeasuredString
 from synth.instrument.preset import Preset, PresetError, fret_count
@@ -77,7 +77,7 @@ class Ended(Exception):
 
 
 @dataclass(frozen=True)
-class Stroke:
+class PlanStroke:
     """How a note is begun: which velocity, how much farther from the saddle, by which articulation (None: the normal
     one)."""
 
@@ -113,7 +113,7 @@ class OneString:
         self.fingerprint = fingerprint(alone, self.table, self.note)
         self.notes = [self.note + fret for fret in range(min(fret_count(alone, self.table), 127 - self.note) + 1)]
         self.seconds = ROLLING_S if self.kind in ROLLING else IMPACTS_S
-        self._known: dict[tuple[int, Stroke], Judged] = {}
+        self._known: dict[tuple[int, PlanStroke], Judged] = {}
 
     def modes(self, highest_hz: float) -> int:
         """Modes of the open string up to a frequency."""
@@ -123,7 +123,7 @@ class OneString:
         """The factor that the law takes at 44.1 kHz."""
         return choose_factor(self.pitch_hz, self.kind, quality, float(RATE_HZ))[0]
 
-    def runs(self, notes: list[int], stroke: Stroke, factor: int, highest_hz: float) -> Iterator[tuple[int, np.ndarray]]:
+    def runs(self, notes: list[int], stroke: PlanStroke, factor: int, highest_hz: float) -> Iterator[tuple[int, np.ndarray]]:
         """(note, displacement (n,) from the finger's release on) of notes at a rate with modes up to a frequency."""
         pluck, way = self._preset.pluck, stroke.articulation or self._normal
         if stroke.farther != 1.0:
@@ -158,7 +158,7 @@ class OneString:
             engine.process(make_events([(0, NOTE_ON, 0, note, stroke.velocity)]), out)
             yield note, in_metres(out[begin:, 0])
 
-    def references(self, notes: list[int], stroke: Stroke) -> dict[int, Judged]:
+    def references(self, notes: list[int], stroke: PlanStroke) -> dict[int, Judged]:
         """Converged runs of notes, made once."""
         missing = [note for note in notes if (note, stroke) not in self._known]
         if missing:
@@ -175,13 +175,15 @@ class OneString:
                 self._known[note, stroke] = Judged(u, limits)
         return {note: self._known[note, stroke] for note in notes}
 
-    def can_judge(self, quality: str, strokes_played: list[Stroke]) -> bool:
+    def can_judge(self, quality: str, strokes_played: list[PlanStroke]) -> bool:
         """Whether references of all notes in strokes are near enough to the truth to judge a quality."""
         return all(
             judged.limits[quality] for stroke in strokes_played for judged in self.references(self.notes, stroke).values()
         )
 
-    def figures(self, quality: str, notes: list[int], stroke: Stroke, found: Measured) -> Iterator[tuple[float, Figures]]:
+    def figures(
+        self, quality: str, notes: list[int], stroke: PlanStroke, found: Measured
+    ) -> Iterator[tuple[float, Figures]]:
         """For each note (the worst of error over limit, measure → error); infinite where nothing can be judged."""
         known = self.references(notes, stroke)
         if not all(known[note].limits[quality] for note in notes):
@@ -193,7 +195,7 @@ class OneString:
             yield max(here[measure] / limit for measure, limit in limits), {measure: here[measure] for measure, _ in limits}
 
 
-def measure_string(one: OneString, others: list[Stroke], progress: Progress) -> MeasuredString:
+def measure_string(one: OneString, others: list[PlanStroke], progress: Progress) -> MeasuredString:
     """What each quality takes on one string; a quality is left out where nothing tried keeps it, or only what costs as much
     as the law's, which keeps it too. Raises Ended."""
     done = 0.0
@@ -204,13 +206,13 @@ def measure_string(one: OneString, others: list[Stroke], progress: Progress) -> 
         if not progress(min(1.0, done)):
             raise Ended
 
-    measured = [Stroke(velocity) for velocity in reversed(VELOCITIES)]
+    measured = [PlanStroke(velocity) for velocity in reversed(VELOCITIES)]
     for stroke in measured:
         one.references(one.notes, stroke)
         step(0.5 / len(measured))
     qualities: dict[str, Measured] = {}
     if one.kind in ROLLING:
-        others = [*others, *(Stroke(velocity) for velocity in ROLLING_VELOCITIES)]
+        others = [*others, *(PlanStroke(velocity) for velocity in ROLLING_VELOCITIES)]
     for quality in PROMISED:
         law = one.law(quality)
         stands: bool | None = None
@@ -228,7 +230,9 @@ def measure_string(one: OneString, others: list[Stroke], progress: Progress) -> 
     return MeasuredString(one.label, midi_to_note(one.note), round(one.pitch_hz, 3), one.fingerprint, qualities)
 
 
-def _fewest(one: OneString, quality: str, factor: int, measured: list[Stroke], others: list[Stroke]) -> Measured | None:
+def _fewest(
+    one: OneString, quality: str, factor: int, measured: list[PlanStroke], others: list[PlanStroke]
+) -> Measured | None:
     """The fewest modes at an internal rate that keep `MARGIN` of a promise, as any more do, and all of it in other strokes.
 
     None where none do, or they cost what the law's cost at a rate that is not above the law's."""
@@ -249,7 +253,7 @@ def _fewest(one: OneString, quality: str, factor: int, measured: list[Stroke], o
     return None
 
 
-def _law_stands(one: OneString, quality: str, measured: list[Stroke], others: list[Stroke]) -> bool:
+def _law_stands(one: OneString, quality: str, measured: list[PlanStroke], others: list[PlanStroke]) -> bool:
     """Whether the law's rate and modes keep a promise in all strokes; also where nothing can be judged."""
     law = one.law(quality)
     highest = 0.5 * law * RATE_HZ
@@ -257,13 +261,13 @@ def _law_stands(one: OneString, quality: str, measured: list[Stroke], others: li
     return not one.can_judge(quality, measured) or _holds(one, quality, [*measured, *others], found)
 
 
-def _holds(one: OneString, quality: str, strokes_played: list[Stroke], found: Measured) -> bool:
+def _holds(one: OneString, quality: str, strokes_played: list[PlanStroke], found: Measured) -> bool:
     """Whether a rate and modes keep a promise in strokes of the lowest, middle and highest note."""
     few = sorted({one.notes[0], one.notes[len(one.notes) // 2], one.notes[-1]})
     return all(ratio <= 1.0 for stroke in strokes_played for ratio, _ in one.figures(quality, few, stroke, found))
 
 
-def _kept(one: OneString, quality: str, measured: list[Stroke], found: Measured) -> Figures | None:
+def _kept(one: OneString, quality: str, measured: list[PlanStroke], found: Measured) -> Figures | None:
     """The worst of each measure, where `KEPT` of the notes are within `MARGIN` of limits and none beyond `FARTHEST`."""
     worst: Figures = {}
     over, allowed = 0, int((1.0 - KEPT) * len(one.notes) * len(measured))
@@ -276,13 +280,13 @@ def _kept(one: OneString, quality: str, measured: list[Stroke], found: Measured)
     return worst
 
 
-def other_strokes(preset: Preset) -> list[Stroke]:
+def other_strokes(preset: Preset) -> list[PlanStroke]:
     """What a plan of a preset is held to beside what is measured: `OTHERS`, and strokes that no finger damps."""
     ways = {stroke_of(each): each for each in preset.articulations.values() if each.touch is None}
     ways.pop(PLAIN, None)
     if NORMAL in preset.articulations:
         ways.pop(stroke_of(preset.articulations[NORMAL]), None)
-    return [Stroke(*each) for each in OTHERS] + [Stroke(VELOCITIES[-1], articulation=each) for each in ways.values()]
+    return [PlanStroke(*each) for each in OTHERS] + [PlanStroke(VELOCITIES[-1], articulation=each) for each in ways.values()]
 
 
 def measured_strings(preset: Preset) -> list[OneString]:
@@ -328,11 +332,11 @@ class Held:
 
     string: str
     quality: str
-    stroke: Stroke
+    stroke: PlanStroke
     worst: float | None
 
 
-def misses(preset: Preset, strokes_played: list[Stroke], notes: set[int] | None = None) -> Iterator[Held]:
+def misses(preset: Preset, strokes_played: list[PlanStroke], notes: set[int] | None = None) -> Iterator[Held]:
     """How the plan of a preset (`Preset.measured`) stands against what is promised, string by string; notes: only these."""
     for one in measured_strings(preset):
         row = preset.measured.string(one.fingerprint)

@@ -9,15 +9,14 @@ it back, iterated because the shift depends on the string's tension.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from synth.dsp.measures import sounding_fundamental
 from synth.engine.engine import Engine
-from synth.instrument import neck
 from synth.instrument.compile import note_frequency
+from synth.instrument.neck import single_strings
 from synth.instrument.preset import Preset, StringTable, at_note, contact_cents, fret_count
 from synth.midi.events import NOTE_ON, make_events
 from synth.units import cents, midi_to_note
@@ -72,20 +71,6 @@ def retuned(preset: Preset, semitones: int) -> Preset:
         moved = (table.notes[0] + semitones, table.notes[1] + semitones)
         strings.append(table.model_copy(update={**fixed, "notes": moved}))
     return preset.model_copy(update={"string": tuple(strings)})
-
-
-def single_strings(preset: Preset, notes: set[int] | None = None) -> Iterator[tuple[int, int, Preset]]:
-    """Every string of a preset that is played, alone: (index of its table, its open note, a preset with only that string).
-
-    notes: only strings that can play one of these; None: all.
-    """
-    for index, table in enumerate(preset.string):
-        if table.sympathetic:
-            continue
-        frets = fret_count(preset, table)
-        for opened in range(table.notes[0], table.notes[1] + 1):
-            if notes is None or any(opened <= note <= opened + frets for note in notes):
-                yield index, opened, neck.alone(preset, table, opened)
 
 
 def sympathetic_played(preset: Preset) -> Preset | None:

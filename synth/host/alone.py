@@ -20,7 +20,7 @@ OFF_VELOCITY = 64
 _SET, _ENDS, _BEGINS, _AT_ONCE = range(4)
 
 
-class Stroke(Protocol):
+class PressedKey(Protocol):
     """A key that is pressed, and let go after `off_s` [s], or never."""
 
     @property
@@ -34,7 +34,7 @@ class Stroke(Protocol):
 
 
 def events_of(
-    strokes: Iterable[tuple[float, Stroke]],
+    strokes: Iterable[tuple[float, PressedKey]],
     controllers: Iterable[tuple[int, int]],
     rate_hz: int,
     parameters: Iterable[tuple[int, float]] = (),

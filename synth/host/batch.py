@@ -17,7 +17,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from synth.dsp.decimator import MINIMUM_RATE_HZ
+from synth.dsp.rates import MAXIMUM_RATE_HZ, MINIMUM_RATE_HZ
+from synth.engine.engine_settings import EngineSettings
+from synth.engine.numbers import a_count, a_number
 from synth.host import parts
 from synth.native.processors import cores
 from synth.spelling import perhaps
@@ -117,17 +119,12 @@ def render_notes(
     """
     if dtype not in ("float32", "float64"):
         raise ValueError(f"dtype must be 'float32' or 'float64', got {dtype!r}")
-    if threads != "auto" and (isinstance(threads, bool) or not isinstance(threads, int) or threads < 1):
-        raise ValueError(f"threads must be a whole number from 1 on or 'auto', got {threads!r}")
+    settings = EngineSettings(quality=quality, limiter=limiter, seed=seed, threads=threads)
     if isinstance(ahead_mib, bool) or not isinstance(ahead_mib, int | float) or not ahead_mib > 0.0:
         raise ValueError(f"ahead_mib must be more than 0, got {ahead_mib!r}")
-    from synth.engine import arguments
-    from synth.engine.engine import MOST_SEED
-
-    rate_hz = arguments.a_count("rate_hz", rate_hz, int(MINIMUM_RATE_HZ), int(arguments.MAXIMUM_RATE_HZ))
-    seed = arguments.a_count("seed", seed, 0, MOST_SEED)
-    variation = arguments.a_number("variation", variation, 0.0, MOST_VARIATION)
-    made = _Making(rate_hz, arguments.quality(quality), bool(limiter), seed, variation, np.dtype(dtype))
+    rate_hz = a_count("rate_hz", rate_hz, int(MINIMUM_RATE_HZ), int(MAXIMUM_RATE_HZ))
+    variation = a_number("variation", variation, 0.0, MOST_VARIATION)
+    made = _Making(rate_hz, settings.of_engine(threads=1), variation, np.dtype(dtype))
     wanted = [_as_note(number, each) for number, each in enumerate(notes)]
     jobs = made.jobs(preset, wanted)
     workers = cores() if threads == "auto" else int(threads)
@@ -159,9 +156,7 @@ class _Making:
     """What all notes have in common."""
 
     rate_hz: int
-    quality: str
-    limiter: bool
-    seed: int
+    settings: EngineSettings
     variation: float
     dtype: np.dtype
 
@@ -207,10 +202,7 @@ class _Making:
         from synth.engine.engine import Engine
         from synth.host.alone import BLOCK
 
-        engine = Engine(
-            [preset], quality=self.quality, limiter=self.limiter, seed=self.seed, only_notes=[keys], every_fret=False,
-            warn=lambda text: None,
-        )  # fmt: skip
+        engine = Engine([preset], settings=self.settings, only_notes=[keys], every_fret=False, warn=lambda text: None)
 
         def progress(done: int, total: int) -> None:
             if not going.is_set():
@@ -235,7 +227,6 @@ class _Making:
 
 def what_is_wrong(note: Note) -> str:
     """What is wrong with a note's numbers, "" where nothing is."""
-    from synth.engine import arguments
     from synth.instrument.preset import Preset
 
     try:
@@ -243,14 +234,14 @@ def what_is_wrong(note: Note) -> str:
             raise TypeError(f"articulation must be a name, or empty, got {note.articulation!r}")
         if not (note.preset is None or isinstance(note.preset, str | os.PathLike | Preset)):
             raise TypeError(f"preset must be a name, a file or a Preset, got {note.preset!r}")
-        arguments.a_count("note", note.note, 0, 127)
-        arguments.a_count("velocity", note.velocity, 1, 127)
-        arguments.a_number("seconds", note.seconds, SHORTEST_S, LONGEST_S, " s")
+        a_count("note", note.note, 0, 127)
+        a_count("velocity", note.velocity, 1, 127)
+        a_number("seconds", note.seconds, SHORTEST_S, LONGEST_S, " s")
         if note.off_s is not None:
-            arguments.a_number("off_s", note.off_s, 0.0, LONGEST_S, " s")
+            a_number("off_s", note.off_s, 0.0, LONGEST_S, " s")
         for number, value in note.controllers:
-            arguments.a_count("a controller's number", number, 0, 127)
-            arguments.a_count(f"controller {number}", value, 0, 127)
+            a_count("a controller's number", number, 0, 127)
+            a_count(f"controller {number}", value, 0, 127)
     except (TypeError, ValueError) as error:
         return _line(error)
     return ""

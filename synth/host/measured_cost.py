@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from synth.engine.engine import Engine
+from synth.engine.engine_settings import EngineSettings
 from synth.instrument.preset import Preset, playable_notes
 from synth.midi.events import NOTE_ON, make_events
 
@@ -31,11 +32,8 @@ class Cost:
 def measure_cost(
     preset: Preset,
     *,
-    quality: str,
     rate_hz: float,
-    scheme: str,
-    internal_rate_hz: float | None,
-    precision: str | None = None,
+    settings: EngineSettings,
 ) -> Cost:
     """Time a preset whose notes are struck one after the other, held, on this machine; processor time of one thread.
 
@@ -45,11 +43,7 @@ def measure_cost(
     struck = sorted({notes[i * (len(notes) - 1) // max(1, STROKES - 1)] for i in range(STROKES)})
     engine = Engine(
         [preset],
-        quality=quality,
-        scheme=scheme,
-        internal_rate_hz=internal_rate_hz,
-        precision=precision,
-        limiter=False,
+        settings=settings.of_engine(limiter=False),
         only_notes=[set(struck)],
         every_fret=False,
         warn=lambda text: None,

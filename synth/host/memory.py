@@ -5,10 +5,11 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Self, TypedDict, Unpack, cast
+from typing import TYPE_CHECKING, Any, Self, Unpack, cast
 
 import numpy as np
 
+from synth.engine.engine_settings import EngineOptions
 from synth.host import offline, parts
 from synth.host.batch import Note
 from synth.host.compass import unplayed_lines
@@ -29,32 +30,21 @@ if TYPE_CHECKING:
 Rendered = Sound
 
 
-class Settings(TypedDict, total=False):
+class Settings(EngineOptions, total=False):
     """What else `render` may be given by name: fields of `RenderSettings`."""
 
     settings: Sequence[tuple[str | None, str, str]]
     block: int
-    threads: int | str
-    quality: str
-    scheme: str
-    restitution: float
-    internal_rate_hz: int | None
-    precision: str | None
-    limiter: bool
-    gain_db: float
-    polyphony: int | None
     normalize_dbfs: float | None
     tail: float | str | None
     container: str | None
     bit_depth: str
     start_s: float
     end_s: float | None
-    seed: int
     variation: float
     tuning: str | None
     keyboard: str | None
     bindings: dict[int, list[Binding]]
-    mpe: bool
     transpose: dict[int | None, int]
     fold: bool | None
     fallback: str | None

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from synth.engine.numbers import a_number
 from synth.host.batch import Note, played_as, what_is_wrong
 from synth.midi.events import CONTROL, NOTE_OFF, NOTE_ON, make_events
 from synth.midi.song import PERCUSSION_CHANNEL, Song, song_of
@@ -27,7 +28,7 @@ _CHANNELS = tuple(channel for channel in range(16) if channel != PERCUSSION_CHAN
 
 
 @dataclass(frozen=True)
-class Phrase:
+class NoteList:
     """events: an EVENT array.  length_s: until the last note's end.  voices: channel 0 … 15 → (preset, articulation)."""
 
     events: np.ndarray
@@ -46,7 +47,7 @@ def is_phrase(source: Any) -> bool:
     return isinstance(source, list | tuple) and bool(source) and not hasattr(source[0], "bytes")
 
 
-def phrase_of(notes: Note | Sequence[Any], rate_hz: int) -> Phrase:
+def phrase_of(notes: Note | Sequence[Any], rate_hz: int) -> NoteList:
     """The phrase of notes: `Note`s or (note, velocity), (note, velocity, seconds), (note, velocity, seconds, start_s).
 
     A note without a start begins where the one before ends, `seconds` after its own start; its key is let go there, or at
@@ -78,13 +79,11 @@ def phrase_of(notes: Note | Sequence[Any], rate_hz: int) -> Phrase:
         rows += [(on, 2, (on, NOTE_ON, channel, note.note, note.velocity))]
         rows += [(off, 0, (off, NOTE_OFF, channel, note.note, _OFF_VELOCITY))]
     rows.sort(key=lambda each: each[:2])
-    return Phrase(make_events([row for _, _, row in rows]), max(start_s + note.seconds for start_s, note in timed), voices)
+    return NoteList(make_events([row for _, _, row in rows]), max(start_s + note.seconds for start_s, note in timed), voices)
 
 
 def _timed(notes: Sequence[Any]) -> list[tuple[float, Note]]:
     """(start [s], note) of each."""
-    from synth.engine import arguments
-
     found: list[tuple[float, Note]] = []
     for number, given in enumerate(notes):
         note = _as_note(number, given)
@@ -93,7 +92,7 @@ def _timed(notes: Sequence[Any]) -> list[tuple[float, Note]]:
             raise ValueError(f"notes[{number}]: {wrong}")
         start_s = found[-1][0] + found[-1][1].seconds if found else 0.0
         if note.start_s is not None:
-            start_s = arguments.a_number(f"notes[{number}]: start_s", note.start_s, 0.0, LATEST_S, " s")
+            start_s = a_number(f"notes[{number}]: start_s", note.start_s, 0.0, LATEST_S, " s")
         elif start_s > LATEST_S:
             raise ValueError(f"notes[{number}] begins after {LATEST_S / 3600.0:g} h; render the phrase in parts")
         found.append((start_s, note))

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol, Self
 
 import numpy as np
 
+from synth.engine.engine_settings import EngineSettings
 from synth.files.targets import Named, check_apart, is_special
 from synth.host import audiofile, compass, offline, parts, rest, scala
 from synth.host.bindings import check_parts
@@ -40,8 +41,8 @@ SILENT_KEY = "the keyboard mapping leaves this key silent"
 
 
 @dataclass(frozen=True)
-class RenderSettings:
-    """What to render and how; times in seconds.
+class RenderSettings(EngineSettings):
+    """What to render and how; times in seconds. Of the settings of its engine, `threads` is 'auto' unless told otherwise.
 
     output: file name, '-' for standard output, or None if only stems are wanted.
     preset: for all channels but percussion (None: the programs choose).
@@ -50,9 +51,7 @@ class RenderSettings:
     rest: SoundFont file that plays these programs and percussion, or None.
     channel_presets: channel 0…15 → preset or 'none', before `preset`.
     settings: [(preset or None for all, dotted key, value)] changed in the presets before they are used.
-    threads: how many compute, or 'auto': one per processor.
     bindings: controller → live parameters it sets, see `bindings.parse_bindings`.
-    mpe: begin with an MPE zone of all channels.
     transpose, fold, fallback: what becomes of notes before they are played, see `compass.Wishes`; fold None: those of
     presets that a program chose are folded, but in a take.
     tail: 'auto', seconds, or None: 'auto', but nothing after an explicit end.
@@ -66,15 +65,7 @@ class RenderSettings:
     settings: Sequence[tuple[str | None, str, str]] = ()
     rate_hz: int = 44100
     block: int = 1024
-    threads: int | str = "auto"
-    quality: str = "standard"
-    scheme: str = "exact-hold"
-    restitution: float = 0.0
-    internal_rate_hz: int | None = None
-    precision: str | None = None
-    limiter: bool = True
-    gain_db: float = 0.0
-    polyphony: int | None = None
+    threads: int | str = field(default="auto", kw_only=True)
     normalize_dbfs: float | None = None
     tail: float | str | None = None
     stems: str | None = None
@@ -82,12 +73,10 @@ class RenderSettings:
     bit_depth: str = "24"
     start_s: float = 0.0
     end_s: float | None = None
-    seed: int = 0
     variation: float = 1.0
     tuning: str | None = None
     keyboard: str | None = None
     bindings: dict[int, list[Binding]] = field(default_factory=dict)
-    mpe: bool = False
     transpose: dict[int | None, int] = field(default_factory=dict)
     fold: bool | None = None
     fallback: str | None = None
@@ -349,7 +338,7 @@ def _render(
         if note_hz is not None:
             font.tune(note_hz)
         given = rest.events_of(song, casting.rest, settings.wishes(song).semitones, silent)
-        player = rest.Player(font, offline.until_end(given, span))
+        player = rest.SoundFontPlayer(font, offline.until_end(given, span))
         engine = rest.WithRest(engine, player, db_to_gain(rest_gain_db + lowered.gain_db), limited=_limits(settings))
     engine.prepare(settings.rate_hz, settings.block, preparing)
     prepared_s = time.perf_counter() - began
@@ -511,20 +500,10 @@ def _engine(
     return Engine(
         playing,
         casting.program_map,
-        quality=settings.quality,
-        scheme=settings.scheme,
-        restitution=settings.restitution,
-        internal_rate_hz=settings.internal_rate_hz,
-        precision=settings.precision,
-        limiter=_limits(settings),
-        gain_db=settings.gain_db,
-        max_polyphony=settings.polyphony,
+        settings=settings.of_engine(limiter=_limits(settings)),
         note_hz=note_hz,
         only_notes=compass.keys_of_parts(arrangement, span.end + round(_LOOKAHEAD_S * settings.rate_hz)),
-        threads=settings.threads,
         bindings=settings.bindings,
-        mpe=settings.mpe,
-        seed=settings.seed,
         warn=lambda text: None,  # said before anything was prepared
     )
 

@@ -43,7 +43,7 @@ def gain_db(font: SoundFont, rate_hz: int) -> float:
         events["frame"] = np.rint(events["frame"] * scale)
         font.reset()
         font.send(PROGRAM, 0, program, 0)
-        lufs = loudness_lufs(Player(font, events).frames(-(-round(length * scale) // BLOCK) * BLOCK), rate_hz)
+        lufs = loudness_lufs(SoundFontPlayer(font, events).frames(-(-round(length * scale) // BLOCK) * BLOCK), rate_hz)
         if lufs is not None:
             found.append(loudness_phrase.TARGET_LUFS - lufs)
     font.reset()
@@ -96,7 +96,7 @@ def _onto_keys(note: int) -> int:
     return note
 
 
-class Player:
+class SoundFontPlayer:
     """Plays events (EVENT, frames from the beginning, ascending), each from the block of FluidSynth that begins nearest to
     it."""
 
@@ -133,7 +133,7 @@ class WithRest:
     is a limiter.
     """
 
-    def __init__(self, engine: Any, player: Player, gain: float, *, limited: bool) -> None:
+    def __init__(self, engine: Any, player: SoundFontPlayer, gain: float, *, limited: bool) -> None:
         self._engine, self._player, self._gain, self._limited = engine, player, gain, limited
 
     @property

@@ -36,7 +36,7 @@ class Scale:
 
 
 @dataclass(frozen=True)
-class Keyboard:
+class KeyboardMapping:
     """Which key plays which degree.
 
     first, last: the keys that sound.  middle: the key of the mapping's first entry.  reference: the key that
@@ -60,7 +60,7 @@ def note_frequencies(scale_path: str | Path | None, keyboard_path: str | Path | 
     Without a keyboard, degree 0 is middle C at 261.63 Hz. Without a scale, 12 equal steps. Raises ScalaError.
     """
     scale = read_scale(scale_path) if scale_path is not None else Scale("12 equal", tuple(map(float, range(100, 1300, 100))))
-    keyboard = read_keyboard(keyboard_path) if keyboard_path is not None else Keyboard()
+    keyboard = read_keyboard(keyboard_path) if keyboard_path is not None else KeyboardMapping()
     reference = _key_cents(scale, keyboard, keyboard.reference)
     if reference is None:
         raise ScalaError(f"{keyboard_path}: the reference key {keyboard.reference} is not mapped; choose another")
@@ -91,7 +91,7 @@ def playable_frequencies(
     return note_hz, silent
 
 
-def _key_cents(scale: Scale, keyboard: Keyboard, key: int) -> float | None:
+def _key_cents(scale: Scale, keyboard: KeyboardMapping, key: int) -> float | None:
     """Cents of a key above degree 0 at the middle key."""
     steps = key - keyboard.middle
     if not keyboard.mapping:
@@ -125,7 +125,7 @@ def read_scale(path: str | Path) -> Scale:
     return Scale(description, cents)
 
 
-def read_keyboard(path: str | Path) -> Keyboard:
+def read_keyboard(path: str | Path) -> KeyboardMapping:
     """Reads a .kbm file. Raises ScalaError."""
     lines = [line for line in _lines(path) if line[1]]
     if len(lines) < 7:
@@ -151,7 +151,7 @@ def read_keyboard(path: str | Path) -> Keyboard:
         mapping.append(None if silent else _integer(path, number, text, "a degree", 0, 4096))
     # Scala lets trailing silent keys be left out.
     mapping += [None] * (size - len(mapping))
-    return Keyboard(first, last, middle, reference, reference_hz, octave_degree, tuple(mapping))
+    return KeyboardMapping(first, last, middle, reference, reference_hz, octave_degree, tuple(mapping))
 
 
 def _lines(path: str | Path) -> list[tuple[int, str]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from synth.dsp.decimator import MAXIMUM_FACTOR
+from synth.dsp.rates import MAXIMUM_FACTOR
 from synth.instrument.plan import FREE, StringPlan, choose_factor, plan_wall
 from synth.instrument.preset import BoardObstacle, Preset, PresetError
 from synth.physics.fingerboard import Fingerboard, fingerboard

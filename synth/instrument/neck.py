@@ -11,7 +11,7 @@ lowest at the bass side, and as far from each other at the nut, and at the saddl
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -142,6 +142,20 @@ def alone(preset: Preset, table: StringTable, note: int) -> Preset:
     single = strung(preset, table, note).model_copy(update={"notes": (note, note)})
     shape = obstacle_under(preset, table, note)
     return preset.model_copy(update={"string": (single,), "obstacle": shape, "setup": None})
+
+
+def single_strings(preset: Preset, notes: set[int] | None = None) -> Iterator[tuple[int, int, Preset]]:
+    """Every string of a preset that is played, alone: (index of its table, its open note, a preset with only that string).
+
+    notes: only strings that can play one of these; None: all.
+    """
+    for index, table in enumerate(preset.string):
+        if table.sympathetic:
+            continue
+        frets = fret_count(preset, table)
+        for opened in range(table.notes[0], table.notes[1] + 1):
+            if notes is None or any(opened <= note <= opened + frets for note in notes):
+                yield index, opened, alone(preset, table, opened)
 
 
 def _share(preset: Preset, table: StringTable, note: int) -> float:

@@ -36,13 +36,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from synth.dsp.decimator import MAXIMUM_FACTOR
+from synth.dsp.rates import MAXIMUM_FACTOR
 from synth.instrument.calibration import STEPS
 from synth.instrument.planfile import Measured
+from synth.instrument.qualities import FLOAT32, FLOAT64, QUALITIES
 from synth.physics.modes import count_modes_below
 from synth.physics.string import String
 
-QUALITIES = ("draft", "standard", "fine", "reference")
 MAX_MODES = 2000
 #: how far from an end a single point is still a bridge, over the string's length, and what part of that distance the
 #: bending length must be: among random strings near an end, converged runs differed where it was less
@@ -59,10 +59,6 @@ IMPACT_DISTANCE_DB = {"draft": 6.0, "standard": 3.0, "fine": 1.5}
 IMPACT_ONSET_ERROR = {"standard": 0.3, "fine": 0.1}
 #: largest distance in third octaves over the note [dB]: where the motion is chaotic no rate comes nearer
 IMPACT_BANDS_DB = {"draft": 4.0, "standard": 2.5, "fine": 2.5}
-
-
-#: elements of a string's modes
-FLOAT64, FLOAT32 = PRECISIONS = ("float64", "float32")
 
 
 @dataclass(frozen=True)

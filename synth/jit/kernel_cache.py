@@ -264,7 +264,7 @@ def _cache_class(caching: Any) -> type:
 
         def rebuild(self, target_context: Any, payload: Any) -> Any:
             part, reduced = payload
-            part = kernel_linking.Part(*part)
+            part = kernel_linking.LinkedLibrary(*part)
             for called in part.calls:
                 if not kernel_linking.is_there(target_context, called):
                     KernelCache.of[called.function]._look(called.signature, target_context)

@@ -26,7 +26,7 @@ class Called(NamedTuple):
     symbol: str
 
 
-class Part(NamedTuple):
+class LinkedLibrary(NamedTuple):
     """What a library of compiled code, one kernel's, is to others: itself, if it is large; and which it calls."""
 
     itself: Called | None
@@ -46,14 +46,14 @@ def keep_apart(compiled: Any, function: Any, signature: Any) -> None:
     """Have what was compiled just now be called by others, if it is large."""
     library, symbol = compiled.library, compiled.fndesc.llvm_func_name
     large = _is_large(library._final_module.get_function(symbol))
-    set_part(library, Part(Called(name_of(function), signature, symbol) if large else None, part_of(library).calls))
+    set_part(library, LinkedLibrary(Called(name_of(function), signature, symbol) if large else None, part_of(library).calls))
 
 
-def part_of(library: Any) -> Part:
-    return getattr(library, "_jawari_part", None) or Part(None, ())
+def part_of(library: Any) -> LinkedLibrary:
+    return getattr(library, "_jawari_part", None) or LinkedLibrary(None, ())
 
 
-def set_part(library: Any, part: Part) -> None:
+def set_part(library: Any, part: LinkedLibrary) -> None:
     library._jawari_part = part
     if part.itself is not None:
         _APART[part.itself.symbol] = library
@@ -98,7 +98,7 @@ def mend(library_class: Any, dispatcher_class: Any, is_ours: Callable[[Any], boo
                 linked.append(library)
                 calls |= {each.symbol: each for each in part.calls}
         self._linking_libraries = linked
-        set_part(self, Part(None, tuple(calls.values())))
+        set_part(self, LinkedLibrary(None, tuple(calls.values())))
         finalize(self)
 
     library_class.finalize = finalize_without_copies

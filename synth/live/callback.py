@@ -21,7 +21,7 @@ _UNDERFLOW = 4
 _CONTINUE = 0
 
 
-def _portaudio(_input: int, output: int, count: int, times: int, flags: int, address: int) -> int:
+def serve_portaudio(_input: int, output: int, count: int, times: int, flags: int, address: int) -> int:
     """PaStreamCallback, its arguments as words; `address` of the Exchange is its userData."""
     now = monotonic_ns()
     exchange = exchange_of(address)
@@ -105,4 +105,4 @@ def render_ahead(address: int) -> None:
 
 def portaudio_callback() -> Any:
     """The compiled callback, by its `.address`."""
-    return entry(_portaudio, 6, answers=True)
+    return entry(serve_portaudio, 6, answers=True)

@@ -46,16 +46,16 @@ class Waits(Protocol):
 
 
 @dataclass(frozen=True)
-class Span:
+class TimeSpread:
     """Median and worst of some times [ms]."""
 
     median_ms: float
     worst_ms: float
 
     @staticmethod
-    def of(frames: Sequence[float], rate_hz: float) -> Span:
+    def of(frames: Sequence[float], rate_hz: float) -> TimeSpread:
         ms = 1e3 * np.asarray(frames, float) / rate_hz
-        return Span(float(np.median(ms)), float(ms.max()))
+        return TimeSpread(float(np.median(ms)), float(ms.max()))
 
     def __str__(self) -> str:
         return f"{self.median_ms:6.2f} ms in the median, {self.worst_ms:6.2f} ms at worst"
@@ -79,15 +79,15 @@ class Latency:
     threshold_dbfs: float
     draw_ms: float
     engine_ms: float
-    placed: Span
-    first_movement: Span
-    peak: Span
+    placed: TimeSpread
+    first_movement: TimeSpread
+    peak: TimeSpread
     device_ms: float
-    total: Span
-    total_to_peak: Span
-    recorded: Span | None
+    total: TimeSpread
+    total_to_peak: TimeSpread
+    recorded: TimeSpread | None
     card_ms: float | None
-    heard_ms: Span
+    heard_ms: TimeSpread
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""
@@ -207,7 +207,7 @@ def measure(
     if not moved:
         raise ValueError(f"none of {PLUCKS} plucks of {midi_to_note(note)} was heard; check the device with synth devices")
     device = float(output.latency_s) * rate_hz
-    total = Span.of([frames + device for frames in moved], rate_hz)
+    total = TimeSpread.of([frames + device for frames in moved], rate_hz)
     card = ear.latency_s * rate_hz if ear is not None and recorded else None
     return Latency(
         path=path,
@@ -219,15 +219,15 @@ def measure(
         threshold_dbfs=THRESHOLD_DBFS,
         draw_ms=1e3 * draw_s,
         engine_ms=1e3 * engine.latency_samples / rate_hz,
-        placed=Span.of(placed, rate_hz),
-        first_movement=Span.of(moved, rate_hz),
-        peak=Span.of(peaked, rate_hz),
+        placed=TimeSpread.of(placed, rate_hz),
+        first_movement=TimeSpread.of(moved, rate_hz),
+        peak=TimeSpread.of(peaked, rate_hz),
         device_ms=1e3 * device / rate_hz,
         total=total,
-        total_to_peak=Span.of([frames + device for frames in peaked], rate_hz),
-        recorded=Span.of(recorded, rate_hz) if card is not None else None,
+        total_to_peak=TimeSpread.of([frames + device for frames in peaked], rate_hz),
+        recorded=TimeSpread.of(recorded, rate_hz) if card is not None else None,
         card_ms=None if card is None else 1e3 * card / rate_hz,
-        heard_ms=total if card is None else Span.of([frames + card for frames in recorded], rate_hz),
+        heard_ms=total if card is None else TimeSpread.of([frames + card for frames in recorded], rate_hz),
     )
 
 

@@ -30,7 +30,7 @@ def files_written(record: str) -> list[Named]:
     return [Named("--record", record), Named("take", Path(record).with_suffix(".mid"))]
 
 
-class Played(Protocol):
+class RecordedEngine(Protocol):
     """What a recorder needs of an engine."""
 
     @property
@@ -48,7 +48,7 @@ class Drained(Protocol):
     """What a recorder needs of a deck."""
 
     @property
-    def engine(self) -> Played: ...
+    def engine(self) -> RecordedEngine: ...
 
     @property
     def tape_frames(self) -> int: ...

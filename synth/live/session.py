@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from synth.engine.engine import Engine
+from synth.engine.engine_settings import EngineSettings
 from synth.engine.layout import GAIN
 from synth.engine.uncopied import Uncopied
 from synth.files.targets import check_target
@@ -71,10 +72,10 @@ LOAD_BINS = 4001
 
 
 @dataclass(frozen=True)
-class SessionSettings:
-    """What to play on, and how.
+class SessionSettings(EngineSettings):
+    """What to play on, and how: the settings of its engine among it.
 
-    preset, channel_presets, settings, tuning, keyboard, bindings, mpe: as in RenderSettings.
+    preset, channel_presets, settings, tuning, keyboard, bindings: as in RenderSettings.
     gm, only_strings: as in RenderSettings; where others play beside a song, programs choose from the whole table, too.
     made: presets that the program has made, by the names that stand for them in `preset`.
     song: MIDI file to play.
@@ -94,19 +95,9 @@ class SessionSettings:
     tuning: str | None = None
     keyboard: str | None = None
     bindings: dict[int, list[Binding]] = field(default_factory=dict)
-    mpe: bool = False
     gm: bool = False
     only_strings: bool = False
-    polyphony: int | None = None
-    seed: int = 0
     variation: float = 1.0
-    quality: str = "standard"
-    scheme: str = "exact-hold"
-    internal_rate_hz: int | None = None
-    precision: str | None = None
-    threads: int | str = 1
-    gain_db: float = 0.0
-    limiter: bool = True
     song: str | None = None
     device: str | int | None = None
     jack: str | None = None
@@ -226,19 +217,10 @@ class Session(Uncopied):
         engine = Engine(
             [part.played(presets[part.preset]) for part in casting.parts],
             casting.program_map,
-            quality=settings.quality,
-            scheme=settings.scheme,
-            internal_rate_hz=settings.internal_rate_hz,
-            precision=settings.precision,
-            limiter=settings.limiter,
-            gain_db=settings.gain_db - headroom_db,
-            max_polyphony=settings.polyphony,
+            settings=settings.of_engine(gain_db=settings.gain_db - headroom_db),
             note_hz=note_hz,
             only_notes=self._notes(casting, arrangement, only_notes),
-            threads=settings.threads,
             bindings=settings.bindings,
-            mpe=settings.mpe,
-            seed=settings.seed,
             warn=self._line.say,
         )
         stack.callback(self._close_engine)

@@ -31,7 +31,7 @@ def power_up_of(engine: Engine, bindings: Mapping[int, Sequence[Binding]]) -> Po
         (engine.program_map >= 0).argmax(axis=1),
         default_parameters(engine.compiled),
         {controller: {INDEX_OF[row[1]] for row in bound} for controller, bound in bindings.items()},
-        engine.mpe,
+        engine.settings.mpe,
         {player: keys[part] for player, part in parts.items()},
         parts,
     )

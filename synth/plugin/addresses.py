@@ -28,7 +28,7 @@ TO_FUNCTION = 3
 RELOCATION = np.dtype([("word", "<u8"), ("target", "<u8"), ("region", "<u4"), ("to", "<u4")])
 
 
-class Piece(NamedTuple):
+class PlacedArray(NamedTuple):
     """An array of a region; `content`: its bytes to begin with; `points`: words of it that are addresses or 0."""
 
     region: int
@@ -56,7 +56,7 @@ class Memory:
     """See the module's docstring."""
 
     def __init__(self) -> None:
-        self._pieces: list[Piece] = []
+        self._pieces: list[PlacedArray] = []
         self._known: dict[tuple[int, int], int] = {}
         self._constant: dict[bytes, int] = {}
         self._offsets: list[int] = []
@@ -74,7 +74,7 @@ class Memory:
         key = array.ctypes.data, array.nbytes
         if array.nbytes == 0 or key in self._known:
             return
-        piece = Piece(region, array.ctypes.data, held.tobytes(), tuple(points))
+        piece = PlacedArray(region, array.ctypes.data, held.tobytes(), tuple(points))
         self._known[key] = len(self._pieces)
         self._pieces.append(piece)
         at = self._ends[region]

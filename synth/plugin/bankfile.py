@@ -35,6 +35,7 @@ from synth.engine.bank import new_scratch
 from synth.engine.bridges import COUPLING_FIXED, COUPLING_ROOM
 from synth.engine.core import CORE_PARTS
 from synth.engine.engine import Engine
+from synth.engine.memory_map import EngineMemory
 from synth.engine.parameters import Parameter
 from synth.engine.voices.voice_table import Voices
 from synth.instrument.preset import Preset
@@ -269,7 +270,7 @@ class _Prepared:
 
     def __init__(self, engine: Engine) -> None:
         self.engine, self.memory = engine, Memory()
-        self.sounding = _add_all(self.memory, engine)
+        self.sounding = add_engine(self.memory, engine.memory)
 
 
 class _Block(NamedTuple):
@@ -391,7 +392,7 @@ def _block(prepared: _Prepared, functions: list[str], constants_last: bool = Fal
     constants_last: the block ends where the constants do, and else they begin where the block does.
     """
     engine, memory, sounding = prepared.engine, prepared.memory, prepared.sounding
-    image = memory.image(_function_at)
+    image = memory.image(function_at)
     missing = sorted(set(image.functions) - set(names()))
     if missing:
         raise ValueError(
@@ -433,33 +434,31 @@ def _block(prepared: _Prepared, functions: list[str], constants_last: bool = Fal
     row["tail"] = round(engine.tail_seconds * engine.rate_hz)
     row["strings"] = sum(len(part.strings) for part in engine.compiled)
     row["sounding"], row["sounding_end"] = sounding
-    row["thread_table"] = memory.place(engine._thread_table)
-    row["pitch"] = memory.place(engine._strings._kept.bank.pitch)
-    row["places"] = _places(memory, engine)
+    row["thread_table"] = memory.place(engine.memory.thread)
+    row["pitch"] = memory.place(engine.memory.built.bank.pitch)
+    row["places"] = _places(memory, engine.memory)
     return bytes(out), row[0]
 
 
-def _add_all(memory: Memory, engine: Engine) -> tuple[int, int]:
+def add_engine(memory: Memory, inside: EngineMemory) -> tuple[int, int]:
     """The memory of an engine that is prepared and silent; from where to where in the core it sounds."""
-    state, shared, effects, strings = engine._state, engine._shared, engine._effects, engine._strings
-    bank = strings._kept.bank
+    shared, effects, strings, bank = inside.shared, inside.effects, inside.strings, inside.built.bank
     for array in bank:
         memory.add(CONSTANT, array)
-    for model in (*strings.models, *strings._kept.flights):
+    for model in (*strings.models, *inside.built.flights):
         for name, field in fields(StringModel).items():
             if field.shape:
                 memory.add(CONSTANT, getattr(model, name))
     for name in ("chains", "numbers", "counts"):
         memory.add(CONSTANT, getattr(effects, name))
-    for placed in engine._chains.placed:
+    for placed in inside.chains.placed:
         for value in placed.made:
             if isinstance(value, np.ndarray):
                 memory.add(CONSTANT, value)
-    _add_tables(memory, engine)
+    _add_tables(memory, inside)
     begin = memory.end(CORE)
     bridges = strings.bridges
-    changing = [*state, *strings.arrays().values()]
-    for array in sorted(changing, key=lambda each: not each.view(np.uint8).any()):
+    for array in sorted(inside.changing.values(), key=lambda each: not each.view(np.uint8).any()):
         memory.add(CORE, array)
     end = memory.end(CORE)
     if bridges.strings:
@@ -482,7 +481,7 @@ def _add_all(memory: Memory, engine: Engine) -> tuple[int, int]:
         if name not in _SHARED_POINTS:
             memory.add(CORE, array, content=np.zeros_like(array))
     fresh = new_scratch(bank)
-    for array, content in zip(chain(*engine._scratch), chain(fresh, fresh), strict=True):
+    for array, content in zip(chain(*inside.scratch), chain(fresh, fresh), strict=True):
         memory.add(THREAD, array, content=content)
     return begin, end
 
@@ -501,61 +500,61 @@ _SHARED_POINTS: dict[str, Callable[[np.ndarray], Sequence[int]]] = {
 _COUPLING_POINTS = ("line_model", "line_state", "line_end")
 
 
-def _add_tables(memory: Memory, engine: Engine) -> None:
+def _add_tables(memory: Memory, inside: EngineMemory) -> None:
     """All that holds addresses."""
-    strings = engine._strings
-    thread = engine._thread_table.copy()
-    memory.add(THREAD, engine._thread_table, points=pointers(thread, Scratch, Scratch), content=thread)
-    core = engine._core.copy()
-    memory.add(CORE, engine._core, points=pointers(core, *CORE_PARTS), content=core)
-    voices = engine._voices.copy()
+    strings = inside.strings
+    thread = inside.thread.copy()
+    memory.add(THREAD, inside.thread, points=pointers(thread, Scratch, Scratch), content=thread)
+    core = inside.core.copy()
+    memory.add(CORE, inside.core, points=pointers(core, *CORE_PARTS), content=core)
+    voices = inside.voices.copy()
     called = [word_of(Voices, name) for name in ("respond", "core", "thread")]
-    memory.add(CORE, engine._voices, points=[*pointers(voices, Voices), *called], content=voices)
-    models = strings._models.copy()
+    memory.add(CORE, inside.voices, points=[*pointers(voices, Voices), *called], content=voices)
+    models = strings.model_tables.copy()
     step, words, points = word_of(StringModel, "step"), models.shape[2], []
     for number, row in enumerate(models.reshape(-1, words)):
         points += [number * words + each for each in (*pointers(row, StringModel), step)]
-    memory.add(CORE, strings._models, points=points, content=models)
-    for table in strings._states:
+    memory.add(CORE, strings.model_tables, points=points, content=models)
+    for table in strings.state_tables:
         content = table.copy()
         memory.add(CORE, table, points=pointers(content, StringState), content=content)
-    for table in strings.bridges._ends:
+    for table in strings.bridges.end_tables:
         content = table.copy()
         memory.add(CORE, table, points=pointers(content, End), content=content)
-    for table, coupling in zip(strings.bridges._couplings, strings.bridges.couplings, strict=True):
+    for table, coupling in zip(strings.bridges.coupling_tables, strings.bridges.couplings, strict=True):
         content = table.copy()
         memory.add(CORE, table, points=pointers(content, Coupling), content=content)
         memory.add(CORE, coupling.line_model, content=np.zeros_like(coupling.line_model))
         for array in (coupling.line_state, coupling.line_end):
             memory.add(CORE, array, points=range(array.size), content=array.copy())
-    for table in strings.boards._tables:
+    for table in strings.boards.tables:
         content = table.copy()
         memory.add(CORE, table, points=pointers(content, Board), content=content)
-    for table, placed in zip(engine._effect_tables, engine._chains.placed, strict=True):
+    for table, placed in zip(inside.effect_tables, inside.chains.placed, strict=True):
         content = table.copy()
         memory.add(CORE, table, points=pointers(content, type(placed.made), type(placed.at_rest)), content=content)
-    for table in engine._excitations._tables:
+    for table in inside.excitations.tables:
         memory.add(CORE, table)
-    placed_rows = engine._effects.placed
+    placed_rows = inside.effects.placed
     assert placed_rows.dtype.names is not None and placed_rows.dtype.fields is not None
     width = placed_rows.dtype.itemsize // 8
     held = [placed_rows.dtype.fields[name][1] // 8 for name in ("table", "process", "silent")]
     memory.add(CORE, placed_rows, points=[row * width + word for row in range(placed_rows.size) for word in held])
     for name, points_of in _SHARED_POINTS.items():
-        array = getattr(engine._shared, name)
+        array = getattr(inside.shared, name)
         content = array.copy()
         if name == "task":
             content[[layout.TASK, layout.FIRST_QUANTUM, layout.QUANTA, layout.UNTIL]] = 0
         memory.add(CORE, array, points=points_of(array), content=content)
 
 
-def _function_at(address: int) -> str | None:
+def function_at(address: int) -> str | None:
     function = entered(address)
     return None if function is None else name_of(function)
 
 
-def _places(memory: Memory, engine: Engine) -> np.ndarray:
-    state, shared = engine._state, engine._shared
+def _places(memory: Memory, inside: EngineMemory) -> np.ndarray:
+    state, shared = inside.state, inside.shared
 
     def words(array: np.ndarray, first: int = 0, count: int = 1, stride: int = 8) -> tuple[int, int, int]:
         return memory.place(array) + 8 * first, stride, count
@@ -565,7 +564,7 @@ def _places(memory: Memory, engine: Engine) -> np.ndarray:
         return memory.place(array) + array.dtype.fields[name][1], array.itemsize, array.size
 
     found = {
-        "core": words(engine._core),
+        "core": words(inside.core),
         "until": words(shared.task, layout.UNTIL),
         "left": words(shared.team, team.LEFT),
         "sleeping": words(shared.team, team.SLEEPING),
@@ -599,7 +598,7 @@ def _places(memory: Memory, engine: Engine) -> np.ndarray:
     return np.array([found[name] for name in PLACES], PLACE)
 
 
-def recipe_of(path: Path) -> tuple[int, recipe.Recipe]:
+def recipe_of(path: Path) -> tuple[int, recipe.BankRecipe]:
     """Checksum of the bank in a file, which may stand behind a plugin, and its recipe. Raises OSError, and ValueError where
     there is none."""
     whole = path.read_bytes()

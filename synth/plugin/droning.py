@@ -14,7 +14,7 @@ import numpy as np
 
 from synth.drone import cycle as playing
 from synth.drone.cycle import Cycle
-from synth.drone.pegs import Pegs, Strings, tuned
+from synth.drone.pegs import Pegs, TunedStrings, tuned
 from synth.engine import layout
 from synth.instrument.preset import Preset
 from synth.plugin.description import OwnParameter
@@ -87,7 +87,7 @@ class PluginDrone:
     beats: of the host, that a cycle takes at first. Raises ValueError.
     """
 
-    def __init__(self, strings: Strings, cycle: Cycle, beats: int = BEATS) -> None:
+    def __init__(self, strings: TunedStrings, cycle: Cycle, beats: int = BEATS) -> None:
         low, high = BEATS_RANGE
         if not low <= beats <= high:
             raise ValueError(f"--beats must lie between {low} and {high}, got {beats}")
@@ -144,7 +144,7 @@ class PluginDrone:
         return b"".join(each.tobytes() for each in (score, own, tunings, np.array([*varied], STROKE)))
 
 
-def _steps(strings: Strings) -> Iterator[tuple[float, tuple[float, ...]]]:
+def _steps(strings: TunedStrings) -> Iterator[tuple[float, tuple[float, ...]]]:
     """(semitones that Sa is turned by, what the keys are tuned to), as far as the strings can be tuned, ascending."""
     reached = {}
     for way in (-1, 1):

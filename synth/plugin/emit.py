@@ -123,27 +123,26 @@ def _settings(level: str) -> dict[str, str]:
 
 
 def _called_by_address() -> list[tuple[Callable[..., Any], int, bool]]:
-    """(function, int64 that it takes, whether it answers): what banks name, and what PortAudio, JACK and the page's views
-    call."""
-    from synth.author.views.frames_tape import _taped_together
-    from synth.author.views.tape import _taped_steps
+    """(function, int64 that it takes, whether it answers): what banks name, and what PortAudio, JACK and tapes call."""
+    from synth.author.views.frames_tape import taped_together
     from synth.dsp.body_effect import BODY
     from synth.dsp.delay_effect import DELAY
     from synth.dsp.limiter_effect import LIMITER
     from synth.engine.advance import make_steps, make_steps_of_two
     from synth.engine.board_steps import make_steps_on_boards
-    from synth.engine.hands import _respond
-    from synth.engine.tasks import _work_on
+    from synth.engine.hands import respond
+    from synth.engine.tasks import work_on
     from synth.engine.together import work_together
     from synth.engine.voices.policy import decide
-    from synth.live.callback import _portaudio
+    from synth.host.string_tape import taped_steps
+    from synth.live.callback import serve_portaudio
     from synth.live.jackcallback import CALLED
 
     effects = [row for each in (BODY, DELAY, LIMITER) for row in ((each.process, 4, False), (each.silent, 1, True))]
-    engine: list[Any] = [(each, 4, False) for each in (_work_on, make_steps, work_together, make_steps_on_boards)]
+    engine: list[Any] = [(each, 4, False) for each in (work_on, make_steps, work_together, make_steps_on_boards)]
     engine.append((make_steps_of_two, 5, False))
-    engine += [(_respond, 5, False), (decide, 1, False)]
-    return [*engine, *effects, (_taped_steps, 4, False), (_taped_together, 4, False), (_portaudio, 6, True), *CALLED]
+    engine += [(respond, 5, False), (decide, 1, False)]
+    return [*engine, *effects, (taped_steps, 4, False), (taped_together, 4, False), (serve_portaudio, 6, True), *CALLED]
 
 
 def _called_with_arrays() -> list[tuple[Any, tuple[Any, ...]]]:
@@ -153,11 +152,11 @@ def _called_with_arrays() -> list[tuple[Any, tuple[Any, ...]]]:
     import synth.engine.engine  # with these all kernels of an engine and of a live session are known
     import synth.live.deck
     import synth.live.jackcallback  # noqa: F401
-    from synth.engine.team import _take
+    from synth.engine.team import take_instruments
     from synth.jit.entries import KERNELS
     from synth.native.denormals import enable_ftz, restore
 
-    for_c = [(_take, (int64, int64)), (enable_ftz, ()), (restore, (int64,))]
+    for_c = [(take_instruments, (int64, int64)), (enable_ftz, ()), (restore, (int64,))]
     return [*((each, each.arguments) for each in KERNELS), *for_c]
 
 

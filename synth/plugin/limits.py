@@ -73,15 +73,15 @@ class Limits(NamedTuple):
 def limits_in(memory: Memory, begin: int, engine: Engine) -> Limits:
     """The limits of what sounds in the memory of a prepared engine, from `begin` on in its core. Raises ValueError for an
     effect whose state only Python can look at."""
-    arrays = engine._changing()
-    most = engine._state.pending.size
-    strings = engine._strings
-    bank, defaults = strings._kept.bank, default_parameters(engine.compiled)
+    inside = engine.memory
+    arrays = inside.changing
+    most = inside.state.pending.size
+    defaults = default_parameters(engine.compiled)
     writer = _Writer(memory, begin, arrays)
-    for limit in limits_of(bank, engine._settings, strings, arrays, defaults, (0, most)):
+    for limit in limits_of(inside.built.bank, inside.settings, inside.strings, arrays, defaults, (0, most)):
         writer.add(limit)
     ahead = np.zeros((), AHEAD)
-    for placed in engine._chains.placed:
+    for placed in inside.chains.placed:
         for limit in _of_effect(placed):
             writer.add(limit)
         if placed.effect is LIMITER:

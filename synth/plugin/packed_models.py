@@ -120,7 +120,7 @@ class _Lists:
         self._filters: dict[tuple[float, int], tuple[int, int]] = {}
 
     def engine(self, engine: Engine, place: Callable[[np.ndarray], int]) -> None:
-        models, flights = engine._strings.models, engine._strings._kept.flights
+        models, flights = engine.memory.strings.models, engine.memory.built.flights
         of = list(_places_of(engine))
         assert len(of) == len(models) == len(flights)
         first = len(self._models)

@@ -17,7 +17,7 @@ from synth.instrument.preset import Preset, validate_preset
 
 
 @dataclass(frozen=True)
-class Recipe:
+class BankRecipe:
     """Presets, name and options as `bankfile.bank` takes them."""
 
     presets: tuple[Preset, ...]
@@ -36,7 +36,7 @@ def written(presets: Sequence[Preset], name: str | None, options: Mapping[str, A
     return json.dumps(whole, separators=(",", ":")).encode()
 
 
-def read(data: bytes) -> Recipe:
+def read(data: bytes) -> BankRecipe:
     """The recipe that `written` has written. Raises ValueError."""
     whole = json.loads(data)
     nothing = planfile.text_of(planfile.MeasuredPlan())  # of plugins that were exported by 0.10
@@ -45,4 +45,4 @@ def read(data: bytes) -> Recipe:
         validate_preset(each, str(each.get("name"))).with_measured(planfile.parse(plan, str(each.get("name"))))
         for each, plan in zip(whole["presets"], plans, strict=True)
     )
-    return Recipe(presets, whole["name"], whole["options"])
+    return BankRecipe(presets, whole["name"], whole["options"])

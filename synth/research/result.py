@@ -41,7 +41,7 @@ class ResultError(ValueError):
     """A file that holds no result, or one that cannot be read; the message names it."""
 
 
-class Made:
+class LazyField:
     """A field of a dataclass: an array, or what makes it when it is first read."""
 
     def __set_name__(self, owner: type, name: str) -> None:
@@ -65,8 +65,8 @@ class Result(Drawn):
 
     t: np.ndarray
     u: np.ndarray
-    u_contact: Made = Made()
-    contact_force: Made = Made()
+    u_contact: LazyField = LazyField()
+    contact_force: LazyField = LazyField()
     energy_stored: np.ndarray | None
     energy_residual: np.ndarray | None
     energy_viscous: np.ndarray | None

@@ -18,8 +18,8 @@ from synth.instrument.preset import BoardObstacle, Preset
 from synth.midi.events import NOTE_ON, PARAMETER
 from synth.physics.modes import mode_shapes
 from synth.setup.audible import WINDOW_S, band_energies, buzz_db, fade
-from synth.setup.note import Note, Played
-from synth.setup.places import Below, Place
+from synth.setup.note import SetupNote, StrokeContacts
+from synth.setup.places import Below, FretPlace
 from synth.setup.plucking import Stroke
 
 #: the pluck that is played is so large [mm], and strokes are amounts of it
@@ -28,13 +28,13 @@ _FULL_MM = 20.0
 _FREE = 0.5
 
 
-class BoardNote(Note):
-    """`note.Note` over a board. Until it touches, the string swings freely as over frets; what follows the engine has."""
+class BoardNote(SetupNote):
+    """A SetupNote over a board. Until it touches, the string swings freely as over frets; what follows the engine has."""
 
     def __init__(
         self,
         preset: Preset,
-        place: Place,
+        place: FretPlace,
         string: CompiledString,
         position: Position,
         stroke: Stroke,
@@ -95,17 +95,17 @@ class BoardNote(Note):
         y = y * fade(y.size, round(self.stroke.seconds * RATE_HZ))
         return band_energies(y, float(RATE_HZ), self.pitch_hz, speed=False)
 
-    def play(self, displacement_m: float, below: Below) -> Played:
+    def play(self, displacement_m: float, below: Below) -> StrokeContacts:
         """The stroke over the board of `below`. Impulses are not known."""
         board = _board(below.preset, self._place)
         gentle = _FREE * float(self.reach_m(below).min(initial=displacement_m))
         energies, _ = self._energies(displacement_m, board)
         free, whole = self._energies(gentle, board)
         square = (displacement_m / gentle) ** 2
-        return Played(buzz_db(energies, square * free, square * whole), np.zeros(below.heights_m.size))
+        return StrokeContacts(buzz_db(energies, square * free, square * whole), np.zeros(below.heights_m.size))
 
 
-def _board(preset: Preset, place: Place) -> BoardObstacle:
+def _board(preset: Preset, place: FretPlace) -> BoardObstacle:
     shape = obstacle_under(preset, place.table(preset), place.opened)
     assert isinstance(shape, BoardObstacle)
     return shape

@@ -14,8 +14,8 @@ from synth.instrument.preset import BoardObstacle, Preset, at_note
 from synth.physics.string import String
 from synth.setup.audible import AUDIBLE_DB, WINDOW_S
 from synth.setup.board_note import BoardNote
-from synth.setup.note import Note
-from synth.setup.places import Below, Place, below, check_touches, compiled, opened_string, places_of
+from synth.setup.note import SetupNote
+from synth.setup.places import Below, FretPlace, below, check_touches, compiled, opened_string, places_of
 from synth.setup.plucking import VELOCITIES, moved, stroke_of, velocity_of
 from synth.setup.side_by_side import computed
 from synth.setup.thresholds import UNCERTAIN_DB, Threshold, threshold
@@ -97,15 +97,15 @@ class BuzzMap:
 class Prepared:
     """A note ready to be played: its open string, and what lies below it."""
 
-    place: Place
+    place: FretPlace
     string: CompiledString
-    note: Note
+    note: SetupNote
     opened: String
     below: Below
 
 
 def prepare(
-    preset: Preset, place: Place, velocity: float, place_m: float | None, quality: str, seconds: float = WINDOW_S
+    preset: Preset, place: FretPlace, velocity: float, place_m: float | None, quality: str, seconds: float = WINDOW_S
 ) -> Prepared:
     """A place of a preset under strokes of a velocity, played for so long. Raises PresetError, ValueError."""
     string, position = compiled(preset, place, quality)
@@ -113,14 +113,14 @@ def prepare(
     opened = opened_string(preset, place)
     under = below(preset, place, opened, position.length_m)
     if isinstance(preset.obstacle, BoardObstacle):
-        note: Note = BoardNote(preset, place, string, position, stroke, quality, under)
+        note: SetupNote = BoardNote(preset, place, string, position, stroke, quality, under)
     else:
-        note = Note(position, stroke, speed=preset.on_rigid_ends.output.kind in ("pickup", "velocity"), seconds=seconds)
+        note = SetupNote(position, stroke, speed=preset.on_rigid_ends.output.kind in ("pickup", "velocity"), seconds=seconds)
     return Prepared(place, string, note, opened, under)
 
 
 def spot(
-    preset: Preset, place: Place, *, velocity: int, place_m: float | None, quality: str, audible_db: float = AUDIBLE_DB
+    preset: Preset, place: FretPlace, *, velocity: int, place_m: float | None, quality: str, audible_db: float = AUDIBLE_DB
 ) -> Spot:
     """One note of a map. Raises PresetError, ValueError."""
     ready = prepare(preset, place, velocity, place_m, quality)
@@ -188,7 +188,7 @@ def _interval(found: Threshold, share: float) -> tuple[float, float]:
     return max(0.0, buzz - math.hypot(buzz - found.low_m, other)), buzz + math.hypot(found.high_m - buzz, other)
 
 
-def _moved_touch(note: Note, under: Below, by_m: float) -> float:
+def _moved_touch(note: SetupNote, under: Below, by_m: float) -> float:
     """Displacement at which the string touches where it is plucked so much further from the saddle; the same where that is
     not on the string."""
     stroke = moved(note.stroke, by_m)
@@ -254,7 +254,7 @@ def buzz_map(
     if place_m is not None:
         _check_place(preset, wanted, place_m)
 
-    def one(place: Place) -> Spot:
+    def one(place: FretPlace) -> Spot:
         return spot(preset, place, velocity=velocity, place_m=place_m, quality=quality, audible_db=audible_db)
 
     spots, complete = computed(one, wanted, threads, told)
@@ -262,7 +262,7 @@ def buzz_map(
     return BuzzMap(preset.name, name, velocity, place_m, quality, audible_db, spots, complete)
 
 
-def _check_place(preset: Preset, wanted: Sequence[Place], place_m: float) -> None:
+def _check_place(preset: Preset, wanted: Sequence[FretPlace], place_m: float) -> None:
     """Raises ValueError for a place of plucking that is not on every string that is wanted."""
     for place in wanted:
         length = at_note(place.table(preset).length_m, place.opened) * 2.0 ** (-place.fret / 12.0)

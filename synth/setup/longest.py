@@ -13,7 +13,7 @@ from typing import Any
 from synth.instrument.preset import BridgeObstacle, Preset, PresetError, Scaled, at_note
 from synth.setup.audible import AUDIBLE_DB
 from synth.setup.buzz_map import prepare
-from synth.setup.places import Place, places_of
+from synth.setup.places import FretPlace, places_of
 from synth.setup.side_by_side import all_computed
 from synth.units import midi_to_note
 
@@ -33,7 +33,7 @@ _ROUNDS = 2
 
 
 @dataclass(frozen=True)
-class Bridge:
+class TriedBridge:
     """A bridge that was tried under a string, and how long a stroke buzzes on it [s].
 
     jiva_um   height of the thread [µm]
@@ -56,9 +56,9 @@ class Longest:
     near    heights of the thread [µm] about the best between which a buzz is at most a tenth shorter, neighbours counted
     """
 
-    places: tuple[Place, ...]
-    now: Bridge
-    best: Bridge
+    places: tuple[FretPlace, ...]
+    now: TriedBridge
+    best: TriedBridge
     near: tuple[float, float]
 
     @property
@@ -67,7 +67,7 @@ class Longest:
         return ", ".join(each.string for each in self.places)
 
 
-def with_neighbours(tried: Sequence[Bridge]) -> list[float]:
+def with_neighbours(tried: Sequence[TriedBridge]) -> list[float]:
     """Seconds of bridges that differ in height, in its order: each the mean of itself and of those beside it."""
     return [
         sum(each.seconds for each in beside) / len(beside)
@@ -75,7 +75,7 @@ def with_neighbours(tried: Sequence[Bridge]) -> list[float]:
     ]
 
 
-def _best(tried: Sequence[Bridge]) -> tuple[Bridge, tuple[float, float], float]:
+def _best(tried: Sequence[TriedBridge]) -> tuple[TriedBridge, tuple[float, float], float]:
     """The best of bridges that differ in height, the heights near it, and its seconds with its neighbours."""
     seconds = with_neighbours(tried)
     k = max(range(len(tried)), key=lambda each: seconds[each])
@@ -111,13 +111,13 @@ def longest(
     """The bridge that lets each open string buzz longest, by strokes of a velocity. Raises PresetError, ValueError;
     KeyboardInterrupt."""
     shape = bridge_of(preset)
-    groups: dict[int, tuple[Place, ...]] = {}
+    groups: dict[int, tuple[FretPlace, ...]] = {}
     for place in places_of(preset, strings, {0}):
         groups[place.opened] = (*groups.get(place.opened, ()), place)
     parts = [part for part in PARTS if shape.distance_ratio is None or part * shape.distance_ratio <= MOST_RATIO]
     jobs = [(note, part) for note in groups for part in parts]
 
-    def one(job: tuple[int, float]) -> list[Bridge]:
+    def one(job: tuple[int, float]) -> list[TriedBridge]:
         note, part = job
         tried: dict[float, float] = {}
 
@@ -135,7 +135,7 @@ def longest(
             for other in (k - 1, k + 1):
                 if 0 <= other < len(heights):
                     play(round(0.5 * (heights[k] + heights[other]), 2))
-        return [Bridge(jiva, part, tried[jiva]) for jiva in sorted(tried)]
+        return [TriedBridge(jiva, part, tried[jiva]) for jiva in sorted(tried)]
 
     tried = dict(zip(jobs, all_computed(one, jobs, threads, told), strict=True))
     best = {job: _best(some) for job, some in tried.items()}
@@ -194,7 +194,9 @@ def _times(value: Scaled, part: float) -> Any:
     return round(part * value, 3)
 
 
-def _seconds(preset: Preset, place: Place, velocity: int, place_m: float | None, quality: str, audible_db: float) -> float:
+def _seconds(
+    preset: Preset, place: FretPlace, velocity: int, place_m: float | None, quality: str, audible_db: float
+) -> float:
     ready = prepare(preset, place, velocity, place_m, quality, SECONDS)
     return ready.note.buzz_seconds(ready.note.stroke.displacement_m, ready.below, audible_db)
 

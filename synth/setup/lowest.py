@@ -20,7 +20,7 @@ from synth.instrument.preset import Preset
 from synth.setup.adjustments import RELIEF, Adjustment, adjusted, adjustments, settings
 from synth.setup.audible import AUDIBLE_DB
 from synth.setup.buzz_map import QUALITY, Prepared, prepare
-from synth.setup.places import Below, Place, below, check_touches, places_of
+from synth.setup.places import Below, FretPlace, below, check_touches, places_of
 from synth.setup.side_by_side import all_computed
 from synth.setup.thresholds import first_reaching
 from synth.setup.wants import Want
@@ -46,7 +46,7 @@ class Wanted:
     prepared: Prepared
 
     @property
-    def place(self) -> Place:
+    def place(self) -> FretPlace:
         """Where it is."""
         return self.prepared.place
 
@@ -97,9 +97,9 @@ class Proposal:
     adjustments: tuple[Adjustment, ...]
     values_mm: tuple[float, ...]
     settings: tuple[tuple[str, Any], ...]
-    buzzing: tuple[Place, ...]
-    remaining: tuple[Place, ...]
-    limiting: tuple[Place, ...]
+    buzzing: tuple[FretPlace, ...]
+    remaining: tuple[FretPlace, ...]
+    limiting: tuple[FretPlace, ...]
     notes: int
 
 
@@ -119,7 +119,7 @@ def wanted_notes(
     if not concerned:
         raise ValueError("the wish lets every note buzz; name notes that must not")
 
-    def one(place: Place) -> Wanted:
+    def one(place: FretPlace) -> Wanted:
         velocity = want.velocity(place)
         assert velocity is not None
         ready = prepare(preset, place, velocity, place_m, quality)

@@ -17,7 +17,7 @@ from synth.physics.obstacle import fret_positions
 from synth.setup.adjustments import RELIEF, adjusted, adjustments
 from synth.setup.fretwork import BACKBOW_M, FEWEST, Neck, neck_of
 from synth.setup.lowest import Wanted
-from synth.setup.places import Place, places_of
+from synth.setup.places import FretPlace, places_of
 from synth.setup.plucking import stroke_of
 
 #: relief that a neck bent backwards is given [mm]
@@ -50,7 +50,7 @@ class Fault:
     kind: str
     where: str
     by_m: float
-    clears: tuple[Place, ...]
+    clears: tuple[FretPlace, ...]
     of: int
 
 

@@ -1,8 +1,8 @@
 """One note of an instrument under strokes of any strength: when the string touches, and what is heard of it.
 
 Until something is touched the string is linear: one run over nothing, by a stroke that draws it one metre aside, holds all
-strokes of that kind. `Note.reach_m` follows from it without another run; only what follows the first touch is computed with
-the contacts.
+strokes of that kind. `SetupNote.reach_m` follows from it without another run; only what follows the first touch is computed
+with the contacts.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from synth.solver.plucked import pluck
 
 
 @dataclass(frozen=True)
-class Played:
+class StrokeContacts:
     """A stroke with its contacts.
 
     buzz_db     B [dB]
@@ -54,7 +54,7 @@ class _Unit:
     released: np.ndarray
 
 
-class Note:
+class SetupNote:
     """A string at a fret, or open, under strokes that differ in displacement alone.
 
     position    as compiled; its contacts may be given other heights
@@ -87,11 +87,11 @@ class Note:
         x = position.length_m - stroke.distance_m
         self._weights[: position.own] = pluck_weights(position.length_m, x, stroke.width_m, position.own)
 
-    def with_stroke(self, stroke: Stroke) -> Note:
+    def with_stroke(self, stroke: Stroke) -> SetupNote:
         """The same string under another stroke, for `reach_m` and `clearance_m`."""
-        return Note(self.position, stroke, speed=self.speed, shapes=self._shapes)
+        return SetupNote(self.position, stroke, speed=self.speed, shapes=self._shapes)
 
-    def with_string(self, string: String) -> Note:
+    def with_string(self, string: String) -> SetupNote:
         """Another string of the same length under the same stroke, its own modes alone, for `reach_m`."""
         here, n = self.position, self.position.own
         other = replace(
@@ -104,7 +104,7 @@ class Note:
             wq=here.wq[:n],
             wv=here.wv[:n],
         )
-        return Note(other, self.stroke, speed=self.speed, shapes=self._shapes[:, :n])
+        return SetupNote(other, self.stroke, speed=self.speed, shapes=self._shapes[:, :n])
 
     def _model(self, eta: np.ndarray | None, out_shapes: np.ndarray) -> driver.Model:
         here, n = self.position, self.position.omega.size
@@ -156,13 +156,13 @@ class Note:
         y = self._unit.heard * fade(self.steps + 1, self.free_step)
         return band_energies(y, 1.0 / self.dt, self.pitch_hz, speed=self.speed)
 
-    def play(self, displacement_m: float, below: Below) -> Played:
+    def play(self, displacement_m: float, below: Below) -> StrokeContacts:
         """The stroke with what lies below. Raises ValueError where no static shape of the string lies over it."""
         y, force = self._run(displacement_m, below)
         energies, _ = band_energies(y * fade(y.size, self.free_step), 1.0 / self.dt, self.pitch_hz, speed=self.speed)
         free, whole = self._free_energies
         square = displacement_m**2
-        return Played(buzz_db(energies, square * free, square * whole), force.sum(axis=0) * self.dt)
+        return StrokeContacts(buzz_db(energies, square * free, square * whole), force.sum(axis=0) * self.dt)
 
     def buzz_seconds(self, displacement_m: float, below: Below, audible_db: float) -> float:
         """How long the stroke buzzes audibly once the string is free, all moments together [s]."""

@@ -41,7 +41,7 @@ OUT_OF_REACH_MM = 150.0
 
 
 @dataclass(frozen=True)
-class Place:
+class FretPlace:
     """A string of a preset at a fret; 0: open.
 
     index   of its table in the preset
@@ -101,14 +101,14 @@ def check_touches(preset: Preset) -> None:
         )
 
 
-def places_of(preset: Preset, strings: Sequence[str] | None = None, frets: Collection[int] | None = None) -> list[Place]:
+def places_of(preset: Preset, strings: Sequence[str] | None = None, frets: Collection[int] | None = None) -> list[FretPlace]:
     """Every note of a preset's strings that a key plays, string after string.
 
     strings: names of those that are wanted, as the table or the open note has them. frets: the wanted ones. Raises
     PresetError for a name or a fret that none has.
     """
     found = [
-        Place(index, note, fret, table.name or midi_to_note(note))
+        FretPlace(index, note, fret, table.name or midi_to_note(note))
         for index, table in enumerate(preset.string)
         if not table.sympathetic
         for note in string_notes(table)
@@ -135,11 +135,11 @@ def string_names(preset: Preset) -> list[str]:
     return _names(places_of(preset))
 
 
-def _names(places: Sequence[Place]) -> list[str]:
+def _names(places: Sequence[FretPlace]) -> list[str]:
     return list(dict.fromkeys(name for each in places for name in (each.string, midi_to_note(each.opened))))
 
 
-def compiled(preset: Preset, place: Place, quality: str, rate_hz: float = 44100.0) -> tuple[CompiledString, Position]:
+def compiled(preset: Preset, place: FretPlace, quality: str, rate_hz: float = 44100.0) -> tuple[CompiledString, Position]:
     """A place's string and its model, on ends at rest. Where a fret presses the string, its frets are compiled out of its
     reach. Raises PresetError."""
     alone = preset.on_rigid_ends
@@ -164,13 +164,13 @@ def _out_of_reach(shape: FretsObstacle) -> FretsObstacle:
     return shape.model_copy(update=changed)
 
 
-def opened_string(preset: Preset, place: Place) -> String:
+def opened_string(preset: Preset, place: FretPlace) -> String:
     """The open string of a place, on ends at rest."""
     alone = preset.on_rigid_ends
     return open_string(alone, place.table(alone), place.opened)[0]
 
 
-def below(preset: Preset, place: Place, opened: String, speaking_m: float) -> Below:
+def below(preset: Preset, place: FretPlace, opened: String, speaking_m: float) -> Below:
     """What lies below the string of a place, `opened` its open string [m] and `speaking_m` its length there. A height ≥ 0
     presses the string. Raises PresetError where the geometry is none."""
     table = place.table(preset)

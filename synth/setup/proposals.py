@@ -13,7 +13,7 @@ from synth.setup.buzz_map import QUALITY
 from synth.setup.fretwork import Neck
 from synth.setup.lowest import Proposal, lowest, wanted_notes
 from synth.setup.neck_faults import BACKBOW, HIGH_FRET, LOW_NUT, Fault, faults, with_dressed
-from synth.setup.places import Place
+from synth.setup.places import FretPlace
 from synth.setup.report import by_string
 from synth.setup.wants import Want
 
@@ -22,7 +22,7 @@ _NAMED = 3
 
 
 @dataclass(frozen=True)
-class Answer:
+class SetupAnswer:
     """What is proposed for a preset.
 
     proposal   the lowest set-up
@@ -109,7 +109,7 @@ def propose(
     strings: Sequence[str] | None = None,
     threads: int = 1,
     told: Callable[[int, int], None] | None = None,
-) -> Answer:
+) -> SetupAnswer:
     """The lowest set-up of a preset that keeps a want, and the faults of its neck. Raises PresetError, ValueError;
     KeyboardInterrupt."""
     adjustments(preset)  # raises, before anything is computed, where there is no neck
@@ -125,7 +125,7 @@ def propose(
     if high:
         other = with_dressed(preset, high)
         dressed = lowest(other, notes, audible_db=audible_db, threads=threads, told=parts.of(end, 1.0))
-    return Answer(preset.name, found, tuple(wrong), neck, dressed)
+    return SetupAnswer(preset.name, found, tuple(wrong), neck, dressed)
 
 
 class _Parts:
@@ -162,17 +162,17 @@ def _at_bound(value: float, each: Adjustment) -> str:
     return ", at its bound" if value in (each.low_mm, each.high_mm) else ""
 
 
-def _counted(places: Sequence[Place]) -> str:
+def _counted(places: Sequence[FretPlace]) -> str:
     if not places:
         return "none buzzes"
     return f"{len(places)} buzz{'es' if len(places) == 1 else ''} ({by_string(places)})"
 
 
-def _named(places: Sequence[Place]) -> str:
+def _named(places: Sequence[FretPlace]) -> str:
     return "; ".join(
         f"string {each.string}, {'open' if each.fret == 0 else f'fret {each.fret}'}" for each in places[:_NAMED]
     )
 
 
-def _plain(place: Place) -> dict[str, Any]:
+def _plain(place: FretPlace) -> dict[str, Any]:
     return {"string": place.string, "fret": place.fret}

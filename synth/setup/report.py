@@ -14,7 +14,7 @@ from synth.instrument.wires import INCH_M, POUND_KG
 from synth.setup.buzz_map import BuzzMap, Spot
 from synth.setup.fretwork import BACKBOW_M
 from synth.setup.neck_faults import neck_under, relief_of
-from synth.setup.places import Place, opened_string, places_of
+from synth.setup.places import FretPlace, opened_string, places_of
 from synth.units import midi_to_note
 
 #: columns of a file, with the rows' numbers in millimetres; empty where there is none
@@ -127,7 +127,7 @@ def summary(found: BuzzMap) -> list[str]:
     return lines
 
 
-def by_string(spots: Sequence[Spot | Place]) -> str:
+def by_string(spots: Sequence[Spot | FretPlace]) -> str:
     """String by string, frets that follow each other as a range."""
     parts = []
     for name in dict.fromkeys(each.string for each in spots):

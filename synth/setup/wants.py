@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from synth.setup.places import Place
+from synth.setup.places import FretPlace
 from synth.setup.plucking import VELOCITIES
 from synth.units import midi_to_note
 
@@ -35,7 +35,7 @@ class Rule:
     frets: tuple[int, int] | None = None
     strings: tuple[str, ...] = ()
 
-    def concerns(self, place: Place) -> bool:
+    def concerns(self, place: FretPlace) -> bool:
         """Whether a note is one of those."""
         if self.open and place.fret != 0:
             return False
@@ -52,7 +52,7 @@ class Want:
     longest: bool
     rules: tuple[Rule, ...]
 
-    def velocity(self, place: Place) -> int | None:
+    def velocity(self, place: FretPlace) -> int | None:
         """At which nothing may buzz at a note; None: it may."""
         return [rule for rule in self.rules if rule.concerns(place)][-1].velocity
 

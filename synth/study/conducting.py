@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from synth.study.addressing import Addresses
 from synth.study.clusters import KILLED, LOST, Crew
 from synth.study.design import Design
-from synth.study.keeping import Folder, Keys
+from synth.study.keeping import AddressSet, Folder
 from synth.study.work.running import Stale
 
 #: what a batch takes: long beside what it costs to hand it out, short beside what is lost with a worker [s]
@@ -29,7 +29,7 @@ _MOST_LOST = 20
 _LOST_AGAIN = "batches are lost again and again; check the scheduler and its workers, and start again"
 
 
-class Job(NamedTuple):
+class RowJob(NamedTuple):
     """A row to be computed."""
 
     key: str
@@ -58,7 +58,7 @@ class Counts:
 
 @dataclass
 class _Batch:
-    jobs: list[Job]
+    jobs: list[RowJob]
     alone: bool = False  # the only one of those that workers died of
     lost: int = 0
 
@@ -67,7 +67,7 @@ class Conductor:
     """One run of a study."""
 
     def __init__(
-        self, design: Design, addresses: Addresses, folder: Folder, crew: Crew, done: Keys, failed: Keys,
+        self, design: Design, addresses: Addresses, folder: Folder, crew: Crew, done: AddressSet, failed: AddressSet,
         told: Callable[[Counts], None],
     ) -> None:  # fmt: skip
         self._addresses, self._folder, self._crew = addresses, folder, crew
@@ -75,20 +75,20 @@ class Conductor:
         self._told = told
         self.counts = Counts(len(design))
         self._coming = self._jobs(design)
-        self._asked = Keys()
-        self._waiting: dict[str | None, deque[Job]] = {}  # by reference
+        self._asked = AddressSet()
+        self._waiting: dict[str | None, deque[RowJob]] = {}  # by reference
         self._held = 0
         self._again: deque[_Batch] = deque()
-        self._suspects: deque[Job] = deque()
+        self._suspects: deque[RowJob] = deque()
         self._flying: dict[Any, _Batch] = {}
         self._references: dict[str, Any] = {}  # ticket of what is being computed
         self._broken: dict[str, dict[str, Any]] = {}  # failure of those that cannot be computed
-        self._readable = Keys()
+        self._readable = AddressSet()
         self._computing: dict[Any, tuple[str, dict[str, Any], int]] = {}
         self._row_s, self._row_bytes = 0.0, 0.0
         self._exhausted = False
 
-    def _jobs(self, design: Design) -> Iterator[Job]:
+    def _jobs(self, design: Design) -> Iterator[RowJob]:
         """Rows that are not there yet, each once."""
         for settings in design:
             key, reference = address(self._addresses, design, settings)
@@ -102,7 +102,7 @@ class Conductor:
                 continue
             if reference is not None:
                 self._need(reference, design.reference(settings) or {})
-            yield Job(key, settings, self._addresses.source(settings), reference)
+            yield RowJob(key, settings, self._addresses.source(settings), reference)
 
     def _need(self, key: str, settings: dict[str, Any]) -> None:
         if key in self._references or key in self._readable or key in self._broken:
@@ -172,7 +172,7 @@ class Conductor:
             return _Batch([self._suspects.popleft()], alone=True)
         return None
 
-    def _fail(self, job: Job) -> None:
+    def _fail(self, job: RowJob) -> None:
         """A row whose reference has failed is not computed: it fails with the same reason."""
         failure = self._broken[job.reference or ""]
         said = {"failure": f"its reference failed: {failure['failure']}", "failed_at": failure.get("failed_at", "")}
@@ -240,7 +240,7 @@ class Conductor:
             for job, (_, values, arrays, spent) in zip(batch.jobs, outcome, strict=True):
                 self._keep(job, values, arrays, spent)
 
-    def _keep(self, job: Job, values: dict[str, Any], arrays: Any, spent: dict[str, Any]) -> None:
+    def _keep(self, job: RowJob, values: dict[str, Any], arrays: Any, spent: dict[str, Any]) -> None:
         self._folder.add(job.key, self._addresses.code, job.settings, values, arrays, spent)
         self.counts.computed += 1
         self.counts.failed += "failure" in values

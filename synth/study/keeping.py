@@ -50,7 +50,7 @@ def _begun(path: Path) -> bool:
     return path.name in _BEGUN or path.match("journal-*.jsonl") or path.name.startswith(".study.json")
 
 
-class Keys:
+class AddressSet:
     """A growing set of addresses (hexadecimal), 16 bytes each."""
 
     def __init__(self) -> None:
@@ -151,10 +151,10 @@ class Folder:
                 os.close(self._lock)
                 self._lock = -1
 
-    def known(self, retry_failed: bool) -> tuple[Keys, Keys, dict[str, int]]:
+    def known(self, retry_failed: bool) -> tuple[AddressSet, AddressSet, dict[str, int]]:
         """Addresses that need not be computed, those of them that failed, and rows by the code that made them."""
-        done, failed, codes = Keys(), Keys(), dict[str, int]()
-        good, bad = Keys(), []
+        done, failed, codes = AddressSet(), AddressSet(), dict[str, int]()
+        good, bad = AddressSet(), []
         for found in self.tables(["key", "code", "failure"]):
             reasons = found.column("failure").to_pylist() if "failure" in found.column_names else [None] * found.num_rows
             for key, code, reason in zip(

@@ -27,7 +27,7 @@ _SAID_S = 2.0
 
 
 @dataclass(frozen=True)
-class Opened:
+class OpenedStudy:
     """A study that has been read: its tables, its rows, its addresses, and what it is called in messages."""
 
     study: Study
@@ -40,7 +40,7 @@ class Opened:
         return address(self.addresses, self.design, settings)
 
 
-def open_study(study: str | os.PathLike[str] | Mapping[str, Any] | Study, checked: int = CHECKED) -> Opened:
+def open_study(study: str | os.PathLike[str] | Mapping[str, Any] | Study, checked: int = CHECKED) -> OpenedStudy:
     """Reads a study and looks at `checked` of its rows. Raises StudyError, with a line for every fault, or OSError."""
     found, folder, origin = read_study(study)
     design = Design(found)
@@ -48,10 +48,10 @@ def open_study(study: str | os.PathLike[str] | Mapping[str, Any] | Study, checke
     check_rows(addresses, design, origin, spread(len(design), checked))
     if faults := plot_faults(found, design):
         raise StudyError("\n".join(f"{origin}: {fault}" for fault in faults))
-    return Opened(found, design, addresses, origin)
+    return OpenedStudy(found, design, addresses, origin)
 
 
-def foreseen(opened: Opened, checked: int = CHECKED) -> list[str]:
+def foreseen(opened: OpenedStudy, checked: int = CHECKED) -> list[str]:
     """What will fail of `checked` rows and their references, a line each, as far as it is known before they are computed."""
     return row_faults(opened.addresses, opened.design, spread(len(opened.design), checked))
 
@@ -97,13 +97,14 @@ def sweep(
 
 
 def conduct(
-    opened: Opened, folder: Path, workers: int, scheduler: Remote | None, retry_failed: bool = False, prune: bool = False,
+    opened: OpenedStudy, folder: Path, workers: int, scheduler: Remote | None, retry_failed: bool = False,
+    prune: bool = False,
     told: Callable[[Counts], None] | None = None, say: Callable[[str], None] | None = None,
 ) -> Counts:  # fmt: skip
     """Runs a study in its folder and writes its table. See `sweep`."""
     from synth.study import clusters, compacting
     from synth.study.conducting import Conductor
-    from synth.study.keeping import Folder, Keys
+    from synth.study.keeping import AddressSet, Folder
 
     say, told = say or (lambda text: None), told or (lambda counts: None)
     with Folder(folder) as kept:
@@ -137,7 +138,7 @@ def conduct(
             else:
                 counts.kept = counts.total
                 counts.failed = _failed(opened, failed) if len(failed) else 0
-            done, failed = Keys(), Keys()
+            done, failed = AddressSet(), AddressSet()
             if prune:
                 gone = compacting.prune(kept, opened.design, opened.addressed)
                 say(
@@ -155,7 +156,7 @@ def conduct(
     return counts
 
 
-def _missing(opened: Opened, done: Any) -> int:
+def _missing(opened: OpenedStudy, done: Any) -> int:
     """Rows that are not there, counted up to as many as there could be workers."""
     missing = 0
     for settings in opened.design:
@@ -165,11 +166,11 @@ def _missing(opened: Opened, done: Any) -> int:
     return missing
 
 
-def _failed(opened: Opened, failed: Any) -> int:
+def _failed(opened: OpenedStudy, failed: Any) -> int:
     return sum(opened.addressed(settings)[0] in failed for settings in opened.design)
 
 
-def _said(opened: Opened, counts: Counts, state: str) -> dict[str, Any]:
+def _said(opened: OpenedStudy, counts: Counts, state: str) -> dict[str, Any]:
     return {
         "name": opened.study.name, "code": opened.addresses.code, "state": state, "rows": counts.total, "done": counts.done,
         "computed": counts.computed, "failed": counts.failed, "workers": counts.workers, "process": os.getpid(),
@@ -235,7 +236,7 @@ def read_arrays(folder: str | os.PathLike[str], key: str) -> dict[str, Any]:
 
 
 __all__ = [
-    "Opened",
+    "OpenedStudy",
     "StudyError",
     "conduct",
     "foreseen",

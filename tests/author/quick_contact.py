@@ -17,7 +17,7 @@ from synth.cli import main
 from synth.fit.contact_features import bands_of
 from synth.fit.contact_fit import NoContact, NoteFit
 from synth.fit.contact_group import ContactFit, amplitude_of, tuned_model
-from synth.fit.contact_model import Stroke
+from synth.fit.contact_model import ContactStroke
 from synth.fit.contact_space import Estimate
 from synth.fit.recording import FitCancelled
 
@@ -41,7 +41,7 @@ def quick(recordings: Any, preset: Any, index: int, *, amplitude_m: float | None
     bands = bands_of(model.string, 44100.0)
     count = bands.centres_hz.size
     levels = np.linspace(-20.0, -70.0, count) * np.ones((8, 1))
-    stroke = Stroke(HEIGHT * amplitude, DISTANCE * model.string.length_m, POSITION, amplitude, 0.01)
+    stroke = ContactStroke(HEIGHT * amplitude, DISTANCE * model.string.length_m, POSITION, amplitude, 0.01)
     note = NoteFit(
         stroke, values, 0.02, 0.5, 0.3, bands, np.zeros(count), levels, levels + 0.5, 0.5, 100, 0.0, (),
         np.zeros(5), np.eye(5), np.eye(5),

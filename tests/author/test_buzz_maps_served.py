@@ -11,8 +11,8 @@ import pytest
 from synth.author import buzz_maps
 from synth.author.beside import Stopped, compute_beside
 from synth.author.phrases import phrase
-from synth.fit.tune import single_strings
 from synth.instrument.excitations import ExcitationTable
+from synth.instrument.neck import single_strings
 from synth.instrument.preset import Preset, PresetError, load_preset
 from synth.setup.buzz_map import buzz_map
 from synth.setup.report import rows, summary

@@ -20,7 +20,7 @@ from synth import Engine, load_preset
 from synth.author import voice
 from synth.author.document import Document
 from synth.author.phrases import NAMES, phrase
-from synth.author.sound import Player
+from synth.author.sound import PagePlayer
 from synth.author.voice import BLOCK, Voice, phrase_preset, prepared_engine
 from synth.instrument.preset import Preset, parse_preset, playable_notes, preset_folder
 from synth.midi.events import NOTE_OFF, NOTE_ON, make_events
@@ -220,7 +220,7 @@ class Listener:
         self.sent: queue.SimpleQueue[dict[str, Any] | bytes] = queue.SimpleQueue()
         text = (preset_folder() / "jawari-harp.toml").read_text(encoding="utf-8")
         document = Document("jawari-harp", text, folder / "autosave", embedded=True)
-        self.player = Player(document, self.sent.put, rate_hz=RATE_HZ, quality="draft")
+        self.player = PagePlayer(document, self.sent.put, rate_hz=RATE_HZ, quality="draft")
 
     def next(self, kind: str) -> Any:
         """The next message of a type; of blocks of sound: the next that is not silence."""

@@ -16,7 +16,7 @@ import soundfile
 
 from synth.author.jobs import Job, Jobs, Progress
 from synth.author.views import instrument, motion, parameters
-from synth.author.worker import Worker, compute
+from synth.author.worker import ComputeProcess, compute
 from synth.instrument.preset import PresetError, load_preset
 from tests.patience import until
 
@@ -240,7 +240,7 @@ def test_jobs_are_forgotten_in_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_the_process_of_the_views_is_started_again() -> None:
-    worker = Worker()
+    worker = ComputeProcess()
     try:
         asked = ("instrument", "draw", load_preset("tanpura-light"), {"note": 48})
         expected = compute(*asked)

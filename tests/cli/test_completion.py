@@ -39,7 +39,7 @@ LINES = [
 def scripts(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("completion")
     for shell in completion.SHELLS:
-        (folder / f"synth.{shell}").write_text(completion.script(cli._parser(), shell), encoding="utf-8")
+        (folder / f"synth.{shell}").write_text(completion.script(cli.command_parser(), shell), encoding="utf-8")
     for name in ("a.mid", "a.txt", "my.toml", "my.mid"):
         (folder / name).touch()
     return folder
@@ -129,7 +129,7 @@ def test_the_command_prints_the_script_and_knows_its_shells(capsys) -> None:
 
 def test_every_file_option_is_completed() -> None:
     """A value with a name of a kind that nobody has thought of is one that completes to nothing."""
-    parser = cli._parser()
+    parser = cli.command_parser()
     completion.script(parser, "bash")
     open_ended = {
         f"{action.option_strings or action.dest}"

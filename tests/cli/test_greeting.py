@@ -30,7 +30,7 @@ def test_what_the_greeting_says_is_understood() -> None:
     typed = [line for line, _ in greeting.TRY] + ["synth drone -o drone.wav --duration 30"]
     assert typed[-1] in greeting.REST
     for line in typed:
-        cli._parser().parse_args(line.split()[1:])
+        cli.command_parser().parse_args(line.split()[1:])
 
 
 @pytest.mark.parametrize("arguments", [["--loud"], ["sing"]])

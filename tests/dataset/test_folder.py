@@ -352,7 +352,7 @@ def test_a_seed_given_at_reset_is_the_engines() -> None:
     zero, five = (sound(engine) for engine in engines)
     assert not np.array_equal(zero, five)
     engines[0].reset(5)
-    assert np.array_equal(sound(engines[0]), five) and engines[0].seed == 5
+    assert np.array_equal(sound(engines[0]), five) and engines[0].settings.seed == 5
     engines[1].set_state(engines[0].get_state())
     engines[0].reset(0)
     assert np.array_equal(sound(engines[0]), zero)

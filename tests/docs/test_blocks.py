@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from synth.cli import _parser
+from synth.cli import command_parser
 from synth.cli.render import joined_normalize
 from tests.docs.blocks import PAGES, ROOT, Block, blocks_of, follow, like, synth_lines, unprinted
 
@@ -51,7 +51,7 @@ def test_commands_have_options_that_there_are(page: Path, capsys: pytest.Capture
         if {"--help", "--version", "-h"} & set(words):
             continue
         try:
-            _parser().parse_args(joined_normalize(words))
+            command_parser().parse_args(joined_normalize(words))
         except SystemExit as end:
             pytest.fail(f"line {line}: synth {' '.join(words)}: {capsys.readouterr().err} ({end.code})")
 

@@ -22,7 +22,7 @@ import pytest
 
 import synth
 from synth.author.views import words as page_words
-from synth.cli import _parser
+from synth.cli import command_parser
 from synth.drone import tanpura_keys
 from synth.engine.parameters import INDEX_OF
 from synth.engine.voices import control_changes
@@ -87,7 +87,7 @@ def options_of(parser: argparse.ArgumentParser, name: str) -> Iterator[tuple[str
 
 
 def test_every_command_and_option(pages: dict[str, str]) -> None:
-    commands = dict(options_of(_parser(), "synth"))
+    commands = dict(options_of(command_parser(), "synth"))
     assert {"synth render", "synth presets check", "synth body fit"} < set(commands)
     for name, options in commands.items():
         text = section(pages["command-line.md"], name)
@@ -264,9 +264,9 @@ def test_a_key_of_a_case_without_words_is_refused(monkeypatch: pytest.MonkeyPatc
 
 
 def test_an_option_without_help_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    parser = _parser()
+    parser = command_parser()
     parser.add_argument("--silly")
-    monkeypatch.setattr(command_line, "_parser", lambda: parser)
+    monkeypatch.setattr(command_line, "command_parser", lambda: parser)
     with pytest.raises(LookupError, match="--silly"):
         command_line.page()
 
@@ -317,4 +317,4 @@ def test_every_preset_has_a_page_that_asks_for_it_and_for_its_sound(pages: dict[
 
 def test_the_commands_of_a_preset_s_page_are_commands(pages: dict[str, str]) -> None:
     for command in re.findall(r"^synth .*$", pages["instruments/tanpura.md"], re.MULTILINE):
-        _parser().parse_args(shlex.split(command)[1:])
+        command_parser().parse_args(shlex.split(command)[1:])

@@ -82,7 +82,7 @@ def moments(made: Engine) -> list[bytes]:
 def places(made: Engine, waiting: int) -> dict[str, tuple[int, int, np.dtype]]:
     """Of every array: where it begins in the bytes, how many elements it has, of which type."""
     out, at = {}, snapshot._HEAD
-    for name, array in made._changing().items():
+    for name, array in made.memory.changing.items():
         size = waiting if name == "pending" else array.size
         out[name] = (at, size, array.dtype)
         at += size * array.dtype.itemsize
@@ -183,7 +183,7 @@ def main(count: int, seed: int, first: int = 0) -> None:
         heard = play(made, went_on, 700)
         assert np.isfinite(heard).all(), f"case {number}: {kind}: not finite"
         assert np.abs(heard[:2]).max() <= 1.0, f"case {number}: {kind}: above full scale"
-        for array in made._changing().values():
+        for array in made.memory.changing.values():
             if array.dtype.kind == "f":
                 assert np.isfinite(array).all(), f"case {number}: {kind}: something stays that is not finite"
         counts[f"{kind} harmless"] += 1

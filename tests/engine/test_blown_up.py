@@ -47,7 +47,7 @@ def test_a_scheme_that_gains_energy_is_silenced_and_the_next_note_sounds(tanpura
     assert tanpura.silent and not play(tanpura, [], 1024).any()
     note = [(0, NOTE_ON, 0, 48, 110)]
     again = play(tanpura, note, 8192)
-    changing = tanpura._changing().values()
+    changing = tanpura.memory.changing.values()
     assert all(np.isfinite(array).all() for array in changing if array.dtype.kind == "f")
     tanpura.set_state(tanpura.get_state())
     tanpura.reset()
@@ -116,7 +116,7 @@ def test_whatever_gets_into_filters_ends_there(array, value):
     assert np.isfinite(out).all() and np.isfinite(stems).all() and np.abs(out).max() <= 1.0
     assert stems[1].any() and stems[0, -1000:].any()
     assert made.report().silenced == 1
-    assert all(np.isfinite(each).all() for each in made._changing().values() if each.dtype.kind == "f")
+    assert all(np.isfinite(each).all() for each in made.memory.changing.values() if each.dtype.kind == "f")
 
 
 def test_exact_hold_is_never_silenced():

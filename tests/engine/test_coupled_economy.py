@@ -47,7 +47,7 @@ def ends_of(made: Engine) -> list[coupling.End]:
 
 
 def address_of(made: Engine) -> int:
-    return int(made._strings.bridges._couplings[0].ctypes.data)
+    return int(made._strings.bridges.coupling_tables[0].ctypes.data)
 
 
 def played(instrument: Preset, rows: list, seconds: float = 3.0, **more) -> tuple[Engine, np.ndarray]:

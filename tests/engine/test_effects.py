@@ -45,7 +45,7 @@ def test_an_effect_hears_the_part_and_nothing_else():
     play(made, events, 20000, stems=through)
     assert np.array_equal(stems[1], through[1])
     assert made.latency_samples == plain.latency_samples
-    pole = plain._settings.dc
+    pole = plain.memory.settings.dc
     heard = lfilter([1.0, -pole], [1.0, -1.0], stems[0, :, 0])
     begin = int(np.flatnonzero(heard)[0]) // QUANTUM * QUANTUM
     gain = shape(np.maximum(np.arange(20000) - begin, 0), Tremor(kind="tremor", period_ms=90.0), RATE_HZ)

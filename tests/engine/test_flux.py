@@ -55,7 +55,7 @@ def test_a_small_motion_is_its_displacement() -> None:
 
 def test_a_wide_one_bends_by_the_law_of_the_magnet() -> None:
     wide, straight = heard("flux"), heard("displacement")
-    pole, gain = float(engine(one("flux"))._settings.dc), 10.0 ** (GAIN_DB / 20.0)
+    pole, gain = float(engine(one("flux")).memory.settings.dc), 10.0 ** (GAIN_DB / 20.0)
     metres = undone(straight, pole) / gain
     assert np.abs(metres).max() > 5e-4
     assert metres.min() > -DISTANCE_M * (1.0 - NEAREST)

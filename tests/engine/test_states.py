@@ -34,7 +34,7 @@ def sealed(state: bytes, at: int, new: bytes) -> bytes:
 def place(made: Engine, name: str, index: tuple[int, ...] = (0,), field: str | None = None) -> int:
     """Where a number of the state lies in its bytes; no event waits."""
     at = snapshot._HEAD
-    for other, array in made._changing().items():
+    for other, array in made.memory.changing.items():
         if other == name:
             at += int(np.ravel_multi_index(index, array.shape)) * array.dtype.itemsize
             return at if field is None else at + array.dtype.fields[field][1]
@@ -45,7 +45,7 @@ def place(made: Engine, name: str, index: tuple[int, ...] = (0,), field: str | N
 def refuses(made: Engine, name: str, index: tuple[int, ...], field: str | None, value: float, said: str) -> None:
     """Its own state with another number in it, and stays as it was."""
     mine = made.get_state()
-    kind = made._changing()[name].dtype
+    kind = made.memory.changing[name].dtype
     new = np.array(value).astype(kind if field is None else kind[field]).tobytes()
     with pytest.raises(ValueError, match=said):
         made.set_state(sealed(mine, place(made, name, index, field), new))

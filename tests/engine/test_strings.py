@@ -409,7 +409,7 @@ def test_a_fading_note_never_gets_slower(chosen, note):
     before = made.mode_steps
     last = play(made, [], second, 4096)
     assert made.mode_steps - before <= first
-    for name, array in made._changing().items():
+    for name, array in made.memory.changing.items():
         if array.dtype == np.float64:
             small = np.abs(array[array != 0.0])
             assert small.size == 0 or small.min() >= np.finfo(float).tiny, name

@@ -117,7 +117,7 @@ def whole(made: Engine) -> float:
     """Energy of strings that are stretched [J]: E − (T − T₀)² L/(2EA), see `tension`."""
     sounding, bank = made._state.sounding, bank_of(made)
     if bank.instruments["body"][0] >= 0:
-        total = float(coupling.energy_of(made._strings.bridges._couplings[0].ctypes.data))
+        total = float(coupling.energy_of(made._strings.bridges.coupling_tables[0].ctypes.data))
     else:
         total = sum(energy_now(made, s) for s in range(sounding.size) if sounding["awake"][s])
     for s in range(sounding.size):

@@ -184,10 +184,10 @@ def test_idling_leaves_everything_as_it_is():
     assert made.silent
     play(made, [], 3 * 44100)
     work = made.mode_steps
-    before = {name: array.copy() for name, array in made._changing().items()}
+    before = {name: array.copy() for name, array in made.memory.changing.items()}
     assert not play(made, [], 10 * layout.RING * layout.QUANTUM).any()
     assert made.mode_steps == work
-    for name, array in made._changing().items():
+    for name, array in made.memory.changing.items():
         if name not in ("counters", "effect_counts"):
             assert np.array_equal(array, before[name]), name
     made.close()

@@ -76,7 +76,7 @@ def coupling_of(made: Engine) -> coupling.Coupling:
 
 
 def energy(made: Engine) -> float:
-    return float(coupling.energy_of(made._strings.bridges._couplings[0].ctypes.data))
+    return float(coupling.energy_of(made._strings.bridges.coupling_tables[0].ctypes.data))
 
 
 @pytest.mark.parametrize("instrument", ALL, ids=lambda each: each.name)

@@ -17,7 +17,7 @@ from synth.fit.contact_damage import holes
 from synth.fit.contact_dictionary import contact_search, shaped
 from synth.fit.contact_features import SECONDS, bands_of, compare, huber, observe
 from synth.fit.contact_fit import fit_note
-from synth.fit.contact_model import Bridge, ContactModel, Hand, Stroke
+from synth.fit.contact_model import Bridge, ContactModel, ContactStroke, PluckingHand
 from synth.fit.contact_observed import seen_of
 from synth.fit.contact_search import sobol, starts_of
 from synth.fit.contact_space import asked, space_of
@@ -49,14 +49,14 @@ def recording() -> np.ndarray:
 def test_only_ratios_can_be_heard(model: ContactModel) -> None:
     """Height, amplitude and sound times three are the same motion."""
     grid = model.grid(250.0, 0.0)
-    one = model.sound(Stroke(8e-6, 7e-3, 0.33, 3e-3, 0.011), grid, 0.5)
-    three = model.sound(Stroke(24e-6, 7e-3, 0.33, 9e-3, 0.011), grid, 0.5)
+    one = model.sound(ContactStroke(8e-6, 7e-3, 0.33, 3e-3, 0.011), grid, 0.5)
+    three = model.sound(ContactStroke(24e-6, 7e-3, 0.33, 9e-3, 0.011), grid, 0.5)
     assert 0.05 < one.touching == three.touching < 0.95
     assert np.abs(three.frames - 3.0 * one.frames).max() < 1e-9 * np.abs(three.frames).max()
 
 
 def test_a_height_out_of_reach_touches_nothing(model: ContactModel) -> None:
-    played = model.sound(Stroke(5e-4, 7e-3, 0.33, 3e-3, 0.011), model.grid(250.0, 0.0), 0.5)
+    played = model.sound(ContactStroke(5e-4, 7e-3, 0.33, 3e-3, 0.011), model.grid(250.0, 0.0), 0.5)
     assert played.touching == 0.0
 
 
@@ -69,7 +69,7 @@ def test_a_curved_bridge_falls_away_from_the_string() -> None:
 def test_offsets_of_bands_gain_and_onset_do_not_count(model: ContactModel) -> None:
     bands = bands_of(model.string, RATE_HZ)
     grid = model.grid(250.0, RATE_HZ)
-    x = model.sound(Stroke(8e-6, 7e-3, 0.33, 3e-3, 0.011), grid, SECONDS + 0.2).frames
+    x = model.sound(ContactStroke(8e-6, 7e-3, 0.33, 3e-3, 0.011), grid, SECONDS + 0.2).frames
     power = bands.powers(x, RATE_HZ)
     assert power.shape == (bands.windows(), bands.edges_hz.size - 1)
     recorded = np.concatenate([np.zeros(2000), 0.01 * np.convolve(x, [1.0, 0.5])])
@@ -79,7 +79,7 @@ def test_offsets_of_bands_gain_and_onset_do_not_count(model: ContactModel) -> No
     # the filter's slope within a band, and 9 µs of onset, are left: 0.1 dB
     assert seen.shifts_s[same.shift] == pytest.approx(0.006) and same.loss < 0.01
     other = compare(
-        seen, bands.powers(model.sound(Stroke(12e-6, 7e-3, 0.33, 3e-3, 0.011), grid, SECONDS + 0.1).frames, RATE_HZ)
+        seen, bands.powers(model.sound(ContactStroke(12e-6, 7e-3, 0.33, 3e-3, 0.011), grid, SECONDS + 0.1).frames, RATE_HZ)
     )
     assert other.loss > 0.1
 
@@ -152,7 +152,7 @@ def test_it_is_asked_now_and_then_whether_to_go_on(model: ContactModel) -> None:
 
 
 def test_over_a_curved_bridge_starts_cover_what_the_first_moments_tell(model: ContactModel) -> None:
-    curved = ContactModel(model.string, Bridge(4, 4, 2.0), Hand(slip_s=4e-4))
+    curved = ContactModel(model.string, Bridge(4, 4, 2.0), PluckingHand(slip_s=4e-4))
     search = contact_search(curved, 2e-3, notes=16)
     points, _, driven = search.dictionary(bands_of(model.string, RATE_HZ), lambda share: None)
     values = [search.space.values(point) for point in points]
@@ -173,7 +173,7 @@ def test_a_note_opens_what_stays_once(model: ContactModel, monkeypatch) -> None:
         return views.table(*parts)
 
     monkeypatch.setattr(driver, "table", table)
-    model.sound(Stroke(8e-6, 7e-3, 0.33, 3e-3, 0.011), model.grid(250.0, 0.0), 0.1)
+    model.sound(ContactStroke(8e-6, 7e-3, 0.33, 3e-3, 0.011), model.grid(250.0, 0.0), 0.1)
     assert opened.count("StringState") == 1 and opened.count("StringModel") == 4
 
 
@@ -193,7 +193,7 @@ def _fitting(model: ContactModel, samples: np.ndarray) -> contact_fit._Fitting:
 def test_another_bridge_is_not_taken_for_one_of_a_point(model: ContactModel, bridge: Bridge, words: str | None) -> None:
     # the edge of all of them is as high
     fallen = 0.0 if bridge.points == 1 else 0.5 * 7e-3**2 / bridge.radius_m
-    stroke = Stroke(8e-6 - fallen, 7e-3, 0.33, 3e-3, 0.011)
+    stroke = ContactStroke(8e-6 - fallen, 7e-3, 0.33, 3e-3, 0.011)
     grid = model.grid(1000.0, RATE_HZ)
     x = model.over(bridge).sound(stroke, grid, 3.2)
     fitting = _fitting(model, soxr.resample(x.frames / np.abs(x.frames).max(), grid.rate_hz, RATE_HZ))
@@ -208,7 +208,7 @@ def test_another_bridge_is_not_taken_for_one_of_a_point(model: ContactModel, bri
 
 
 def test_a_bridge_of_two_points_is_named_in_a_warning(model: ContactModel) -> None:
-    grid, truth = model.grid(1000.0, RATE_HZ), Stroke(6e-6, 14e-3, 0.33, 3e-3, 0.011)
+    grid, truth = model.grid(1000.0, RATE_HZ), ContactStroke(6e-6, 14e-3, 0.33, 3e-3, 0.011)
     x = model.over(Bridge(2, 2, 1e5)).sound(truth, grid, 3.2)
     fitting = _fitting(model, soxr.resample(x.frames / np.abs(x.frames).max(), grid.rate_hz, RATE_HZ))
     space = fitting.search.space
@@ -221,7 +221,7 @@ def test_a_bridge_of_two_points_is_named_in_a_warning(model: ContactModel) -> No
 
 def test_a_second_point_anywhere_is_found_and_widens_the_interval(model: ContactModel) -> None:
     """Lightly touched, at a share of the distance that no even bridge has; the note of one point stays as it is."""
-    grid, one = model.grid(1000.0, RATE_HZ), Stroke(8e-6, 12e-3, 0.33, 3e-3, 0.011)
+    grid, one = model.grid(1000.0, RATE_HZ), ContactStroke(8e-6, 12e-3, 0.33, 3e-3, 0.011)
     losses, found = [], []
     for truth in (one, replace(one, inner=(0.62, 5.2e-6))):
         x = model.sound(truth, grid, 3.2).frames

@@ -11,12 +11,12 @@ from synth import cli
 from synth.fit import fret_linear, fret_search
 from synth.fit.contact_space import Unknown
 from synth.fit.fret_fit import OutOfReach, fit_frets
-from synth.fit.fret_model import FREE_MM, RATE_HZ, FretModel, Hand, action_mm, action_settings, with_action
+from synth.fit.fret_model import FREE_MM, RATE_HZ, FretHand, FretModel, action_mm, action_settings, with_action
 from synth.fit.recording import FitCancelled, FitRefused
 from synth.instrument.preset import load_preset
 
 ACTION = 2.2
-HAND = Hand(0.26, 1.3e-3, 8.5e-3)
+HAND = FretHand(0.26, 1.3e-3, 8.5e-3)
 #: over frets of 2.2 mm this hand touches from 2.5 mm on
 AMPLITUDES = (1.4, 2.25, 2.65, 3.0)
 PLACE = ["--pluck-at", "0.26"]
@@ -50,7 +50,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fret_search, "_NOTES", 40)
     monkeypatch.setattr(fret_search, "_LAST", 40)
 
-    def near(stroke: fret_search.Touching, hand: Hand) -> tuple[Unknown, ...]:
+    def near(stroke: fret_search.Touching, hand: FretHand) -> tuple[Unknown, ...]:
         slip, draw = Unknown("slip", 1.15e-3, 1.5e-3), Unknown("draw", 8.3e-3, 8.8e-3)
         return Unknown("action", stroke.low_mm, stroke.high_mm), slip, draw
 

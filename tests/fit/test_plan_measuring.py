@@ -13,7 +13,7 @@ from synth.fit.plan_measuring import (
     ROLLING_S,
     Ended,
     OneString,
-    Stroke,
+    PlanStroke,
     measure_plan,
     measured_strings,
     misses,
@@ -26,7 +26,7 @@ from synth.instrument.preset import Preset, PresetError, load_preset, parse_pres
 from tests.test_planfile import PRESET
 
 #: velocities and places that no plan was made from
-STROKES = [Stroke(30), Stroke(90), Stroke(110, 0.8)]
+STROKES = [PlanStroke(30), PlanStroke(90), PlanStroke(110, 0.8)]
 
 
 @pytest.mark.parametrize(
@@ -71,7 +71,7 @@ def test_a_soft_note_does_not_fall_asleep_while_it_is_measured() -> None:
     note = one.note + 18
     ends = []
     for velocity in (12, 40):
-        ((_, u),) = one.runs([note], Stroke(velocity), 4, 16000.0)
+        ((_, u),) = one.runs([note], PlanStroke(velocity), 4, 16000.0)
         ends.append(abs(u[-RATE_HZ // 20 :]).max() / abs(u).max())
     assert ends[0] == pytest.approx(ends[1], rel=0.2)
 

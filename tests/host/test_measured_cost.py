@@ -2,14 +2,13 @@
 
 import pytest
 
+from synth.engine.engine_settings import EngineSettings
 from synth.host.measured_cost import measure_cost
 from synth.instrument.preset import PresetError, load_preset
 
 
 def test_figures_belong_together() -> None:
-    cost = measure_cost(
-        load_preset("fretted-bass"), quality="draft", rate_hz=44100.0, scheme="exact-hold", internal_rate_hz=None
-    )
+    cost = measure_cost(load_preset("fretted-bass"), rate_hz=44100.0, settings=EngineSettings(quality="draft"))
     assert 0.0 < cost.median_block <= cost.worst_block
     assert 1.0 / cost.real_time_factor <= cost.worst_block
     assert 1 <= cost.strings <= 4
@@ -18,5 +17,5 @@ def test_figures_belong_together() -> None:
 def test_what_cannot_be_played_cannot_be_measured() -> None:
     with pytest.raises(PresetError, match="need exact-hold"):
         measure_cost(
-            load_preset("steel-guitar"), quality="draft", rate_hz=44100.0, scheme="moreau-jean", internal_rate_hz=None
+            load_preset("steel-guitar"), rate_hz=44100.0, settings=EngineSettings(quality="draft", scheme="moreau-jean")
         )

@@ -10,6 +10,7 @@ import pytest
 import soundfile
 
 from synth.dsp.measures import sounding_fundamental
+from synth.engine.engine_settings import EngineSettings
 from synth.host import render as job
 from synth.host.bindings import parse_bindings
 from synth.host.offline import Span
@@ -435,12 +436,7 @@ def test_the_engine_is_made_for_the_notes_up_to_a_second_behind_the_end(tmp_path
     )
     render_file(settings)
     assert asked[0]["only_notes"] == [{60, 62}]
-    assert (asked[0]["max_polyphony"], asked[0]["gain_db"], asked[0]["quality"], asked[0]["limiter"]) == (
-        7,
-        -3.0,
-        "fine",
-        True,
-    )
+    assert asked[0]["settings"] == EngineSettings(polyphony=7, gain_db=-3.0, quality="fine", seed=3, threads="auto")
 
 
 def test_steps_whose_contacts_were_not_solved_are_told(tmp_path, song, engine, monkeypatch) -> None:

@@ -99,11 +99,11 @@ def clicks(*frames: int, key: int = KEY, channel: int = 2) -> np.ndarray:
 def test_notes_begin_at_the_nearest_block_however_the_stream_is_cut(font: SoundFont) -> None:
     at = [0, 10 * BLOCK, 20 * BLOCK + 31, 30 * BLOCK + 32, 40 * BLOCK + 63]
     nearest = [0, 10 * BLOCK, 20 * BLOCK, 31 * BLOCK, 41 * BLOCK]
-    whole = rest.Player(font, clicks(*at)).frames(8192)
+    whole = rest.SoundFontPlayer(font, clicks(*at)).frames(8192)
     assert peaks(whole) == [frame + CLICK_AT for frame in nearest]
     assert np.array_equal(whole[:, 0], whole[:, 1])
     font.reset()
-    player = rest.Player(font, clicks(*at))
+    player = rest.SoundFontPlayer(font, clicks(*at))
     sizes = np.diff([0, 1, 64, 101, 1000, 1003, 5000, 8192])
     assert np.array_equal(np.concatenate([player.frames(int(size)) for size in sizes]), whole)
 
@@ -111,7 +111,7 @@ def test_notes_begin_at_the_nearest_block_however_the_stream_is_cut(font: SoundF
 def test_events_do_what_they_do(font: SoundFont) -> None:
     def heard(*events: tuple) -> np.ndarray:
         font.reset()
-        return rest.Player(font, np.concatenate([make_events(list(events)), clicks(BLOCK)])).frames(1024)
+        return rest.SoundFontPlayer(font, np.concatenate([make_events(list(events)), clicks(BLOCK)])).frames(1024)
 
     plain = heard((0, CONTROL, 2, 7, 100))
     assert np.array_equal(heard((0, CONTROL, 2, 10, 64)), plain) and plain.any()
@@ -125,9 +125,9 @@ def test_events_do_what_they_do(font: SoundFont) -> None:
 def test_a_tuning_is_the_strings(font: SoundFont) -> None:
     equal = 440.0 * 2.0 ** ((np.arange(128) - 69.0) / 12.0)
     font.tune(np.where(np.arange(128) == KEY, 2.0 * equal, equal))
-    assert peaks(rest.Player(font, clicks(0)).frames(1024)) == [CLICK_AT // 2]
+    assert peaks(rest.SoundFontPlayer(font, clicks(0)).frames(1024)) == [CLICK_AT // 2]
     font.reset()
-    assert peaks(rest.Player(font, clicks(0)).frames(1024)) == [CLICK_AT]
+    assert peaks(rest.SoundFontPlayer(font, clicks(0)).frames(1024)) == [CLICK_AT]
 
 
 def test_what_is_left_to_the_soundfont(font: SoundFont, band: str) -> None:
@@ -227,7 +227,7 @@ def test_its_strings_are_as_loud_as_presets(tmp_path: Path, font: SoundFont) -> 
     gain_db = rest.gain_db(font, RATE_HZ)
     events, frames = loudness_phrase(load_preset("nylon-guitar"))
     font.send(PROGRAM, 0, NYLON, 0)
-    sound = db_to_gain(gain_db) * rest.Player(font, events).frames(frames)
+    sound = db_to_gain(gain_db) * rest.SoundFontPlayer(font, events).frames(frames)
     assert pyloudnorm.Meter(RATE_HZ).integrated_loudness(sound) == pytest.approx(TARGET_LUFS, abs=0.1)
     softer = write_soundfont(tmp_path / "soft.sf2", [(0, NYLON), (128, 0)], RATE_HZ, level=0.25)
     with closing(SoundFont(str(softer), RATE_HZ)) as opened:

@@ -16,7 +16,7 @@ from synth import cli
 from synth.cli import drone, main
 from synth.drone.cycle import WANDERS, Cycle, Drone
 from synth.drone.dronefile import FileSettings, write
-from synth.drone.pegs import Pegs, Strings, tuned
+from synth.drone.pegs import Pegs, TunedStrings, tuned
 from synth.drone.swara import RATIOS, frequency_of, name_of, ratio_of
 from synth.drone.tanpura_keys import DronePlayer, TanpuraKeys
 from synth.dsp.measures import band_levels_db, click_ratios, sounding_fundamental
@@ -39,7 +39,7 @@ C3 = midi_to_hz(48)
 
 
 @pytest.fixture(scope="module")
-def strings() -> Strings:
+def strings() -> TunedStrings:
     return tuned(Pegs(load_preset("tanpura-light"), C3))
 
 
@@ -54,7 +54,7 @@ def strokes(events: np.ndarray) -> np.ndarray:
 # --- the cycle
 
 
-def test_events_do_not_depend_on_the_pieces_asked_for(strings: Strings) -> None:
+def test_events_do_not_depend_on_the_pieces_asked_for(strings: TunedStrings) -> None:
     def play(ends: np.ndarray) -> np.ndarray:
         drone = Drone(strings, Cycle(human=1.0, seed=3), RATE, duration_s=100.0, fade_s=7.0)
         before = in_pieces(drone, ends[ends <= 30 * RATE])
@@ -72,14 +72,14 @@ def test_events_do_not_depend_on_the_pieces_asked_for(strings: Strings) -> None:
     assert whole["frame"].max() < 100 * RATE and (np.diff(whole["frame"]) >= 0).all()
 
 
-def test_the_seed_decides(strings: Strings) -> None:
+def test_the_seed_decides(strings: TunedStrings) -> None:
     a, b, c = (Drone(strings, Cycle(seed=seed), RATE).events(60 * RATE) for seed in (5, 5, 6))
     np.testing.assert_array_equal(a, b)
     assert not np.array_equal(strokes(a)["frame"][1:9], strokes(c)["frame"][1:9])
 
 
 @pytest.mark.parametrize("human", [0.0, 1.0])
-def test_a_day_neither_drifts_nor_repeats(strings: Strings, human: float) -> None:
+def test_a_day_neither_drifts_nor_repeats(strings: TunedStrings, human: float) -> None:
     cycle = Cycle(cycle_s=5.5, human=human, seed=11)
     found = strokes(Drone(strings, cycle, RATE).events(24 * 3600 * RATE))
     frames = found["frame"][: found.size // 4 * 4].reshape(-1, 4)
@@ -100,14 +100,14 @@ def test_a_day_neither_drifts_nor_repeats(strings: Strings, human: float) -> Non
         assert np.ptp(wander) > 0.02 * 5.5
 
 
-def test_strings_follow_each_other_with_the_gaps_asked_for(strings: Strings) -> None:
+def test_strings_follow_each_other_with_the_gaps_asked_for(strings: TunedStrings) -> None:
     found = strokes(Drone(strings, Cycle(8.0, (1, 2, 1, 4), human=0.0), RATE).events(60 * RATE))
     assert [int(key) for key in found["a"][:5]] == [*strings.keys, strings.keys[0]]
     np.testing.assert_allclose(np.diff(found["frame"][:5]) / RATE, [1.0, 2.0, 1.0, 4.0], atol=1.0 / RATE)
     assert (found["b"] == 64).all()
 
 
-def test_a_new_tempo_begins_without_a_jump(strings: Strings) -> None:
+def test_a_new_tempo_begins_without_a_jump(strings: TunedStrings) -> None:
     drone = Drone(strings, Cycle(6.0, (1, 1, 1, 1), human=0.0), RATE)
     first = strokes(drone.events(10 * RATE))["frame"]
     drone.set_cycle(replace(drone.cycle, cycle_s=3.0))
@@ -117,7 +117,7 @@ def test_a_new_tempo_begins_without_a_jump(strings: Strings) -> None:
     np.testing.assert_allclose(gaps[first.size :], 0.75, atol=2e-4)
 
 
-def test_more_human_does_not_jump_either(strings: Strings) -> None:
+def test_more_human_does_not_jump_either(strings: TunedStrings) -> None:
     drone = Drone(strings, Cycle(6.0, (1, 1, 1, 1), human=1.0, seed=2), RATE)
     first = strokes(drone.events(300 * RATE))["frame"]
     drone.set_cycle(replace(drone.cycle, human=0.0))
@@ -126,7 +126,7 @@ def test_more_human_does_not_jump_either(strings: Strings) -> None:
     np.testing.assert_allclose(gaps[1:], 1.5, atol=2e-4)
 
 
-def test_a_pause_ends_with_the_string_that_would_have_come(strings: Strings) -> None:
+def test_a_pause_ends_with_the_string_that_would_have_come(strings: TunedStrings) -> None:
     drone = Drone(strings, Cycle(4.0, (1, 1, 1, 1), human=0.5), RATE)
     before = strokes(drone.events(10 * RATE))
     drone.pause(True)
@@ -137,7 +137,7 @@ def test_a_pause_ends_with_the_string_that_would_have_come(strings: Strings) -> 
     assert 40 * RATE <= after["frame"][0] <= 40.2 * RATE
 
 
-def test_a_peg_glides_and_arrives(strings: Strings) -> None:
+def test_a_peg_glides_and_arrives(strings: TunedStrings) -> None:
     drone = Drone(strings, Cycle(), RATE)
     drone.events(2 * RATE)
     drone.retune(replace(drone.pegs, first=4 / 3))
@@ -153,7 +153,7 @@ def test_a_peg_glides_and_arrives(strings: Strings) -> None:
     assert found[found["kind"] == TUNING]["value"][-1] == strings.keys[0]
 
 
-def test_the_fade_ends_in_silence(strings: Strings) -> None:
+def test_the_fade_ends_in_silence(strings: TunedStrings) -> None:
     drone = Drone(strings, Cycle(), RATE, duration_s=20.0, fade_s=5.0)
     found = drone.events(100 * RATE)
     levels = found[(found["kind"] == PARAMETER) & (found["a"] == GAIN)]
@@ -232,7 +232,7 @@ def test_sa_follows_a4(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> No
     mine = tmp_path / "mine.toml"
     mine.write_text(preset_text(load_preset("tanpura-light").with_setting("tuning.a4_hz", "432")))
     for words in (["-p", str(mine)], ["--a4", "432"], ["--set", "tuning.a4_hz=432"]):
-        parsed = cli._parser().parse_args([*options, *words])
+        parsed = cli.command_parser().parse_args([*options, *words])
         strings = drone._strings(parsed)
         compiled = [
             midi_to_hz(key, 432.0) * 2 ** (t.cents / 1200)
@@ -254,7 +254,7 @@ def test_loudness_does_not_depend_on_the_first_string(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("command", [["render", "a.mid"], ["play"], ["drone"], ["export", "tanpura-light"]])
 def test_commands_share_the_options_of_tuning(command: list[str]) -> None:
-    parsed = cli._parser().parse_args([*command, "--a4", "442", "--set", "pluck.position=0.2"])
+    parsed = cli.command_parser().parse_args([*command, "--a4", "442", "--set", "pluck.position=0.2"])
     assert parsed.settings == [(None, "tuning.a4_hz", "442.0"), (None, "pluck.position", "0.2")]
 
 
@@ -290,7 +290,7 @@ def heard(engine: Engine, events: np.ndarray, seconds: float, block: int = 512) 
 
 
 @pytest.fixture(scope="module")
-def engine(strings: Strings) -> Engine:
+def engine(strings: TunedStrings) -> Engine:
     engine = Engine([strings.preset])
     engine.prepare(RATE, 512)
     return engine
@@ -302,12 +302,12 @@ def pitch_error(engine: Engine, rows: list[tuple], key: int, hz: float) -> float
     return float(cents(sounding_fundamental(x[round(0.25 * RATE) :], RATE, hz), hz))
 
 
-def test_strings_are_in_just_intonation(engine: Engine, strings: Strings) -> None:
+def test_strings_are_in_just_intonation(engine: Engine, strings: TunedStrings) -> None:
     errors = [pitch_error(engine, [], key, hz) for key, hz in zip(strings.keys, strings.pegs.pitches_hz, strict=True)]
     assert np.abs(errors).max() < 1.0, errors
 
 
-def test_each_string_is_tuned_alone_while_it_sounds(engine: Engine, strings: Strings) -> None:
+def test_each_string_is_tuned_alone_while_it_sounds(engine: Engine, strings: TunedStrings) -> None:
     pegs = replace(strings.pegs, first=15 / 8).turned(1, 12.0)
     values = strings.semitones(pegs)
     rows = [(0, TUNING, 0, key, 1, value) for key, value in zip(strings.keys, values, strict=True)]
@@ -317,7 +317,7 @@ def test_each_string_is_tuned_alone_while_it_sounds(engine: Engine, strings: Str
 
 
 @pytest.fixture(scope="module")
-def minute(engine: Engine, strings: Strings) -> tuple[np.ndarray, np.ndarray]:
+def minute(engine: Engine, strings: TunedStrings) -> tuple[np.ndarray, np.ndarray]:
     """Strokes' frames, and a minute at the default settings."""
     events = Drone(strings, Cycle(), RATE).events(60 * RATE)
     return strokes(events)["frame"], heard(engine, events, 60.0)
@@ -355,7 +355,7 @@ def test_the_thread_makes_the_buzz() -> None:
 # --- files and live
 
 
-def test_live_sounds_as_the_file(engine: Engine, strings: Strings, tmp_path: Path) -> None:
+def test_live_sounds_as_the_file(engine: Engine, strings: TunedStrings, tmp_path: Path) -> None:
     path = tmp_path / "drone.wav"
     cycle = Cycle(cycle_s=2.0, human=1.0, seed=4)
     report = write(strings, cycle, FileSettings(str(path), 6.0, 1.0, bit_depth="float", threads=1))
@@ -380,7 +380,7 @@ def test_live_sounds_as_the_file(engine: Engine, strings: Strings, tmp_path: Pat
     np.testing.assert_allclose(live[:n], file[:n], atol=1e-7)
 
 
-def test_keys_change_what_comes(strings: Strings) -> None:
+def test_keys_change_what_comes(strings: TunedStrings) -> None:
     drone = Drone(strings, Cycle(human=0.4), RATE)
     said: list[str] = []
     ended: list[bool] = []

@@ -16,7 +16,7 @@ import pytest
 from synth.cli.common import asked_by_signals
 from synth.host import parts
 from synth.host.render import RenderSettings
-from synth.live.latency import Span, quickest_note
+from synth.live.latency import TimeSpread, quickest_note
 from synth.live.player import AHEAD_S, Player
 from synth.live.session import Session, SessionSettings, Stop
 from synth.live.status import Status, StatusLine, clock_text, status_text
@@ -393,7 +393,7 @@ def test_what_outputs_lose_is_counted_with_what_the_deck_loses() -> None:
 
 
 def test_spans_of_times() -> None:
-    assert Span.of([441, 882, 4410], RATE_HZ) == Span(20.0, 100.0)
+    assert TimeSpread.of([441, 882, 4410], RATE_HZ) == TimeSpread(20.0, 100.0)
 
 
 def test_the_quickest_note_draws_shortest() -> None:

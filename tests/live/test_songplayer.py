@@ -98,7 +98,7 @@ def test_wherever_one_jumps_controls_stand_as_if_all_before_had_been_played(
             engine.reset()
         give(played, song[:place])
         give(jumped, song)  # wherever it comes from
-        give(jumped, at_frame(power_up_rows(song, power_up) + controls_at(song, int(place), mpe=played.mpe), 0))
+        give(jumped, at_frame(power_up_rows(song, power_up) + controls_at(song, int(place), mpe=played.settings.mpe), 0))
         assert differing(standing(jumped), standing(played)) == []
 
 
@@ -391,7 +391,7 @@ def test_wherever_one_jumps_articulations_stand_as_if_all_before_had_been_played
             rows.append((NOTE_ON, c, int(rng.choice([12, 14, 16])), 90))
         elif what == 1:
             rows.append((CONTROL, c, 20, int(rng.integers(0, 128))))
-        elif what == 2 and c in ((0,) if played.mpe else (0, 15)):
+        elif what == 2 and c in ((0,) if played.settings.mpe else (0, 15)):
             programs[c] += 1  # the other part
             rows.append((PROGRAM, c, programs[c]))
         elif what == 3:
@@ -407,9 +407,12 @@ def test_wherever_one_jumps_articulations_stand_as_if_all_before_had_been_played
         give(played, song[:place])
         asked += np.count_nonzero(played._state.channels["articulation"]) + (played._state.channels["ruled"] > 0).sum()
         give(jumped, song)
-        give(jumped, at_frame(power_up_rows(song, power_up) + controls_at(song, place, mpe=played.mpe, engine=power_up), 0))
+        give(
+            jumped,
+            at_frame(power_up_rows(song, power_up) + controls_at(song, place, mpe=played.settings.mpe, engine=power_up), 0),
+        )
         assert differing(standing(jumped), standing(played)) == []
         if not zoned:  # as after a pause
-            give(jumped, at_frame(controls_at(song, place, mpe=played.mpe, engine=power_up), 0))
+            give(jumped, at_frame(controls_at(song, place, mpe=played.settings.mpe, engine=power_up), 0))
             assert differing(standing(jumped), standing(played)) == []
     assert asked

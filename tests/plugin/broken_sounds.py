@@ -67,12 +67,12 @@ class Twins:
         self.python = Engine(parts, programs, scheme=scheme)
         self.python.prepare(RATE_HZ, 512)
         memory = Memory()
-        self.begin, self.end = bankfile._add_all(memory, self.python)
+        self.begin, self.end = bankfile.add_engine(memory, self.python.memory)
         self.places = {
             name: Places(memory.place(array) - self.begin, array.dtype, array.size, array.shape)
-            for name, array in self.python._changing().items()
+            for name, array in self.python.memory.changing.items()
         }
-        image = memory.image(bankfile._function_at)
+        image = memory.image(bankfile.function_at)
         self.first = image.regions[CORE].stored.ljust(image.regions[CORE].size, b"\0")[self.begin : self.end]
         path = folder / f"{scheme}.jawari"
         path.write_bytes(bankfile.bank(parts, [RATE_HZ], scheme=scheme))
@@ -91,7 +91,7 @@ class Twins:
         arrays["pending"] = arrays["pending"][:waiting]
         made = self.python
         if waiting not in self._limits:
-            of_engine = made._prepared(), made._settings, made._strings, arrays, default_parameters(made.compiled)
+            of_engine = made._prepared(), made.memory.settings, made._strings, arrays, default_parameters(made.compiled)
             self._limits[waiting] = list(limits_of(*of_engine, (waiting, waiting)))
         try:
             check_limits(self._limits[waiting], arrays)

@@ -310,7 +310,7 @@ def test_a_string_keeps_what_its_models_share_once(library, bank_files):
     data = bank_files["jawari-harp"].read_bytes()
     engine = Engine([load_preset("jawari-harp")])
     engine.prepare(44100.0)
-    models = [*engine._strings.models, *engine._strings._kept.flights]
+    models = [*engine.memory.strings.models, *engine.memory.built.flights]
     rows = {model.rows.tobytes() for model in models}
     assert len(rows) < len(models)
     for each in rows:

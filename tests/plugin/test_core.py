@@ -104,7 +104,7 @@ def test_a_rate_and_its_octave_keep_what_they_share_once_and_sound_as_in_python(
     for rate_hz in rates:
         engine = Engine([SHARED])
         engine.prepare(rate_hz, 4096)
-        models = (*engine._strings.models, *engine._strings._kept.flights)
+        models = (*engine.memory.strings.models, *engine.memory.built.flights)
         tables.append({model.rows.tobytes() for model in models})
         native = opened.engine(rate_hz)
         assert same(play(engine, events, 20000, 512), native.play(events, 20000, 700))

@@ -95,7 +95,7 @@ def test_it_knows_its_versions(library, library_file):
 
 def test_every_kernel_is_found_by_name(library):
     names = emit.names()
-    assert "engine.process:process" in names and "engine.tasks:_work_on" in names
+    assert "engine.process:process" in names and "engine.tasks:work_on" in names
     assert all(library.kernel(name.encode()) for name in names)
     assert not library.kernel(b"engine.process:nothing") and not library.kernel(None)
     padded = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_int64)(library.kernel(b"solver.lanes:padded"))

@@ -6,8 +6,8 @@ import pytest
 from synth.instrument.compile import Position
 from synth.instrument.preset import Preset, load_preset
 from synth.setup.buzz_map import prepare
-from synth.setup.note import Note
-from synth.setup.places import Below, Place, below, compiled, opened_string, places_of
+from synth.setup.note import SetupNote
+from synth.setup.places import Below, FretPlace, below, compiled, opened_string, places_of
 from synth.setup.plucking import Stroke, stroke_of
 
 
@@ -21,11 +21,11 @@ def _by_action(preset: Preset) -> Preset:
     return preset.model_copy(update={"obstacle": preset.obstacle.model_copy(update=changed)})
 
 
-def place(preset: Preset, string: str, fret: int) -> Place:
+def place(preset: Preset, string: str, fret: int) -> FretPlace:
     return next(each for each in places_of(preset, [string]) if each.fret == fret)
 
 
-def under(preset: Preset, at: Place) -> tuple[Below, float]:
+def under(preset: Preset, at: FretPlace) -> tuple[Below, float]:
     opened = opened_string(preset, at)
     speaking = opened.length_m * 2.0 ** (-at.fret / 12.0)
     return below(preset, at, opened, speaking), speaking
@@ -86,7 +86,7 @@ def test_a_string_over_nothing_moves_as_far_as_its_stroke_says(bass: Preset) -> 
     assert np.abs(note.at_release() - still).max() < 1.5e-5  # of 1 mm; the bending length L √B/π is 3.7 mm
 
 
-class _Held(Note):
+class _Held(SetupNote):
     def __init__(self, position: Position, stroke: Stroke) -> None:
         super().__init__(position, stroke, speed=True, seconds=0.01)
 
@@ -118,7 +118,7 @@ def test_a_stroke_early_enough_to_touch_under_the_finger_is_played_with_its_cont
     opened = opened_string(preset, at)
     ground = below(preset, at, opened, position.length_m)
     long_slip = Stroke(plain.distance_m, plain.width_m, 0.01, 0.05, plain.stiffness_n_m, plain.resistance_n_s_m, 2e-3)
-    note = Note(position, long_slip, speed=True)
+    note = SetupNote(position, long_slip, speed=True)
     down = 8e-3
     assert np.any(down * note._unit.early <= ground.heights_m)
     assert note.play(down, ground).impulse_ns.any()

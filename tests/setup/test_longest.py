@@ -4,7 +4,7 @@ import pytest
 
 from synth.instrument.preset import Preset, PresetError, load_preset
 from synth.setup import longest
-from synth.setup.longest import Bridge, with_neighbours
+from synth.setup.longest import TriedBridge, with_neighbours
 
 
 @pytest.fixture(autouse=True)
@@ -55,7 +55,7 @@ def test_a_curved_bridge_is_given_another_radius() -> None:
 
 
 def test_each_height_counts_with_its_neighbours() -> None:
-    tried = [Bridge(float(k), 1.0, seconds) for k, seconds in enumerate((1.0, 4.0, 1.0, 3.0, 3.0, 3.0))]
+    tried = [TriedBridge(float(k), 1.0, seconds) for k, seconds in enumerate((1.0, 4.0, 1.0, 3.0, 3.0, 3.0))]
     assert with_neighbours(tried) == pytest.approx([2.5, 2.0, 8.0 / 3.0, 7.0 / 3.0, 3.0, 3.0])
 
 

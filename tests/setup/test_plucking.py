@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from synth.author.views.place import Place as Played
-from synth.author.views.tape import Taped
+from synth.host.string_tape import Taped
+from synth.instrument.place import NotePlace as Played
 from synth.instrument.preset import Preset, load_preset
 from synth.midi.events import NOTE_ON, make_events
 from synth.setup.places import compiled, places_of

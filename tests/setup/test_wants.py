@@ -2,14 +2,14 @@
 
 import pytest
 
-from synth.setup.places import Place
+from synth.setup.places import FretPlace
 from synth.setup.wants import parse
 
 NAMES = ["E", "A", "D", "G", "Sa 1"]
 
 
-def place(string: str, fret: int) -> Place:
-    return Place(0, 40, fret, string)
+def place(string: str, fret: int) -> FretPlace:
+    return FretPlace(0, 40, fret, string)
 
 
 def test_the_last_rule_that_concerns_a_note_counts() -> None:

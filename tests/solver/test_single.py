@@ -10,9 +10,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
 
 from promise import rounding
 
-from synth.cli import common
 from synth.engine.engine import Engine
-from synth.instrument import plan
 from synth.instrument.compile import Position, compile_preset
 from synth.instrument.plan import IMPACT_BANDS_DB, IMPACT_DISTANCE_DB, IMPACT_ONSET_ERROR, planned_precision
 from synth.instrument.preset import load_preset
@@ -224,7 +222,3 @@ def test_what_is_over_a_board_is_float64_and_said_to_be():
         engine = Engine([load_preset(name)], only_notes=[{48}], every_fret=False)
         engine.prepare(RATE_HZ, 64)
         assert engine.has_single is single, name
-
-
-def test_the_command_offers_the_precisions_that_there_are():
-    assert common.PRECISIONS == plan.PRECISIONS

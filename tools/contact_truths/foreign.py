@@ -9,7 +9,7 @@ import soxr
 
 from contact_truths.misleading import Misleading
 from contact_truths.notes import RATE_HZ, drawn, noisy
-from synth.fit.contact_model import ContactModel, Stroke
+from synth.fit.contact_model import ContactModel, ContactStroke
 from synth.instrument.preset import load_preset
 
 #: steps a period, seconds, and silence before the note [s]
@@ -29,7 +29,7 @@ def two_points(seed: int) -> Misleading:
     place = rng.uniform(0.3, 0.8)
     inner = place, place * height + rng.uniform(-1e-6, 4e-6)
     truth = replace(truth, distance_m=distance, height_m=height)
-    stroke = Stroke(height, distance, truth.position, truth.amplitude_m, truth.draw_s, inner=inner)
+    stroke = ContactStroke(height, distance, truth.position, truth.amplitude_m, truth.draw_s, inner=inner)
     x = soxr.resample(model.sound(stroke, grid, _SECONDS).frames, grid.rate_hz, RATE_HZ)
     recording = noisy(np.concatenate([np.zeros(round(_SILENCE_S * RATE_HZ)), x - x.mean()]), truth.snr_db, seed)
     return recording, "tanpura-light", 0, truth

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from synth.fit.fret_fit import OutOfReach, fit_frets
-from synth.fit.fret_model import RATE_HZ, FretModel, Hand, action_mm
+from synth.fit.fret_model import RATE_HZ, FretHand, FretModel, action_mm
 from synth.fit.recording import FitRefused
 from synth.instrument.preset import load_preset
 
@@ -29,7 +29,7 @@ def run(seed: int, case: str) -> dict[str, Any]:
     string = int(rng.integers(0, len(preset.string)))
     plain = FretModel(preset, string)
     action = action_mm(preset, string) * rng.uniform(0.75, 1.25)
-    hand = Hand(rng.uniform(0.15, 0.35), rng.uniform(0.8e-3, 2.5e-3), rng.uniform(6e-3, 12e-3))
+    hand = FretHand(rng.uniform(0.15, 0.35), rng.uniform(0.8e-3, 2.5e-3), rng.uniform(6e-3, 12e-3))
     low, high = 0.3, 15.0
     while high / low > 1.003:
         middle = math.sqrt(low * high)

@@ -21,8 +21,11 @@ BOX, EDGE, TEXT, SOFT, ARROW = "#f7ecdd", "#8a4b16", "#2b1a0c", "#6b4a2c", "#b07
 #: the rooms of the package, from the top: what each floor is, and the rooms on it with what is in them
 FLOORS: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
     ("what is typed", (("cli", "the commands"),)),
-    ("what is made of it", (("plugin", "CLAP, VST3, LV2, libjawari"), ("dataset", "labelled sound"))),
-    ("what is played", (("drone", "a tanpura by itself"), ("author", "the page"))),
+    ("what is made of it", (("plugin", "CLAP, VST3, LV2, libjawari"),)),
+    (
+        "what is played, and sound by the thousand",
+        (("drone", "a tanpura by itself"), ("author", "the page"), ("dataset", "labelled sound")),
+    ),
     ("live", (("live", "PortAudio, JACK, MIDI, takes"),)),
     ("set-up", (("setup", "where it buzzes"),)),
     ("studies", (("study", "many runs, each once"),)),

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from fit_recordings.between import Learned, Off, learn, off
 from fit_recordings.strokes import TOP, Player, Sounded
 from fit_recordings.takes import File, Take
-from synth.fit.contact_features import Bands, bands_of
+from synth.fit.contact_features import ContactBands, bands_of
 from synth.fit.contact_search import evolve, sobol, starts_of
 from synth.fit.fret_features import SECONDS, Heard
 from synth.fit.fret_model import RATE_HZ
@@ -115,7 +115,7 @@ def of_split(files: list[File], split: str) -> list[File]:
     return [file for file in files if any(file[0] in dynamics for dynamics in SPLITS[split])]
 
 
-def _powers(player: Player, bands: Bands, level_db: float) -> Real:
+def _powers(player: Player, bands: ContactBands, level_db: float) -> Real:
     return bands.powers(player.stroke(level_db), RATE_HZ, SECONDS)
 
 

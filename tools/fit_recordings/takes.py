@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from synth.fit.contact_features import Bands
+from synth.fit.contact_features import ContactBands
 from synth.fit.fret_features import Heard, hear
 from synth.fit.recording import FitRefused, Note, cut_note, read_recording
 from synth.units import note_to_midi
@@ -29,7 +29,7 @@ class Take:
     path: Path
     note: Note
 
-    def heard(self, bands: Bands) -> Heard:
+    def heard(self, bands: ContactBands) -> Heard:
         """Its features. Raises FitRefused where it is too short."""
         try:
             return hear(self.note, bands)

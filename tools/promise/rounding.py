@@ -12,8 +12,8 @@ from synth.fit.plan_measures import distances
 from synth.fit.plan_measuring import as_displacement, in_metres
 from synth.host.batch import played_as
 from synth.instrument.articulations import NORMAL
-from synth.instrument.plan import PRECISIONS
 from synth.instrument.preset import Preset, list_presets, playable_notes
+from synth.instrument.qualities import PRECISIONS
 from synth.midi.events import NOTE_ON, make_events
 
 RATE_HZ, SECONDS = 44100, 3.0

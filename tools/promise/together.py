@@ -18,9 +18,9 @@ import numpy as np
 from promise.runs import RATE_HZ, distances
 from promise.scenes import BRIDGE_STIFFNESS, lowest
 from synth.author.views.frames_tape import Frames, joined, line_of
-from synth.author.views.place import find, speaking
 from synth.dsp.measures import relative_error
 from synth.instrument.compile import string_kind
+from synth.instrument.place import find, speaking
 from synth.instrument.plan import FREE
 from synth.instrument.preset import Preset, validate_preset
 from synth.instrument.soundboard import body_of, directions_of

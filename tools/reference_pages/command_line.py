@@ -7,7 +7,7 @@ import inspect
 from collections.abc import Iterator
 from functools import partial
 
-from synth.cli import _parser
+from synth.cli import command_parser
 
 from .fields import Range
 from .markdown import code, fence, plain, table
@@ -26,7 +26,7 @@ def commands(
     parser: argparse.ArgumentParser | None = None, words: tuple[str, ...] = ("synth",)
 ) -> Iterator[tuple[str, argparse.ArgumentParser, str]]:
     """(its words, its parser, what it does) of every command, the whole program first."""
-    top = parser or _parser()
+    top = parser or command_parser()
     yield " ".join(words), top, top.description or ""
     for action in top._actions:
         if isinstance(action, argparse._SubParsersAction):

@@ -26,6 +26,7 @@ MODULES: dict[str, tuple[str, ...] | None] = {
     "synth.host.memory": ("Settings",),
     "synth.host.render": ("RenderSettings", "RenderReport"),
     "synth.engine.engine": ("EngineReport", "Unplayed"),
+    "synth.engine.engine_settings": ("EngineSettings",),
     "synth.engine.parameters": ("Parameter",),
     "synth.midi.events": None,
     "synth.fit": None,

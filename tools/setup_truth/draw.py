@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from synth.instrument.preset import FretsObstacle, Preset, at_note, load_preset, preset_folder
-from synth.setup.places import Place, places_of
+from synth.setup.places import FretPlace, places_of
 
 #: what luthiers set these up to [mm]: action at fret 12, relief, clearance over fret 1
 _BASS = ((1.4, 3.0), (0.0, 0.5), (0.3, 0.9))
@@ -62,7 +62,7 @@ class Drawn:
         changed = {"action_12th_mm": action, "relief_mm": relief, "nut_height_mm": nut, "heights_mm": ()}
         return preset.model_copy(update={"obstacle": shape.model_copy(update=changed)})
 
-    def place(self, preset: Preset) -> Place:
+    def place(self, preset: Preset) -> FretPlace:
         """The map's place of it."""
         return next(
             each

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from synth.author.views.place import Place as Played
-from synth.author.views.tape import Taped
 from synth.engine.parameters import INDEX_OF
+from synth.host.string_tape import Taped
+from synth.instrument.place import NotePlace as Played
 from synth.instrument.preset import Preset, load_preset, preset_folder
 from synth.midi.events import NOTE_ON, PARAMETER, make_events
 from synth.setup.buzz_map import spot
-from synth.setup.places import Place, places_of
+from synth.setup.places import FretPlace, places_of
 
 PRESET, VELOCITY, SECONDS = "fretted-bass", 80, 0.25
 #: frets of each string that are played
@@ -33,7 +33,7 @@ def varied(preset: Preset, *, modulation: bool = True, across: bool = True) -> P
     return preset.model_copy(update=changed)
 
 
-def touch_amount(preset: Preset, place: Place) -> float:
+def touch_amount(preset: Preset, place: FretPlace) -> float:
     """The least amount of a pluck of `VELOCITY` at which a contact force appears; inf: none up to `MOST`."""
     table = place.table(preset).model_copy(update={"notes": (place.opened, place.opened)})
     alone = preset.model_copy(update={"string": (table,)})

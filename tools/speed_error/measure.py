@@ -10,8 +10,9 @@ import numpy as np
 
 from speed_error.grid import BASE_HZ, LONGEST_S, Run
 from speed_error.kernels import STEPS, kernel_of
-from synth.dsp.decimator import MAXIMUM_FACTOR, decimate, decimate_signal, design, new_history, workspace
+from synth.dsp.decimator import decimate, decimate_signal, design, new_history, workspace
 from synth.dsp.measures import log_spectral_distance, relative_error
+from synth.dsp.rates import MAXIMUM_FACTOR
 from synth.native.denormals import enable_ftz, restore
 from synth.research import methods
 from synth.research.case import CaseError

@@ -36,16 +36,16 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from synth.author.views.contacts import Forces, before, binned, contacts_of, gather, touches
 from synth.author.views.coupled_analysis import decays_of, hear_together
 from synth.author.views.formant import descending_formant
 from synth.author.views.instrument import draw
 from synth.author.views.pictures import rows_of_power, waveform
-from synth.author.views.place import find
-from synth.author.views.tape import QUALITY, RATE_HZ, Taped
 from synth.dsp.measures import decay_times_s, partials, peak, sounding_fundamental, stft_power
 from synth.fit.tune import WINDOW_S
+from synth.host.contacts import Forces, before, binned, contacts_of, gather, touches
+from synth.host.string_tape import QUALITY, RATE_HZ, Taped
 from synth.instrument.compile import Position
+from synth.instrument.place import find
 from synth.instrument.preset import Preset, contact_cents
 from synth.units import LN_1000, cents, gain_to_db
 

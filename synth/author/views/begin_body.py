@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from synth.author.views.tape import QUALITY, RATE_HZ
 from synth.dsp.measures import peak
 from synth.engine.engine import Engine
+from synth.host.string_tape import QUALITY, RATE_HZ
 from synth.instrument.compile import string_notes
 from synth.instrument.preset import Preset, PresetError, validate_preset
 from synth.midi.events import NOTE_ON, make_events

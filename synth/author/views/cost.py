@@ -30,15 +30,17 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from synth.author.views.frames_tape import string_number
-from synth.author.views.place import Place, Speaking, find, speaking
 from synth.author.views.runs import differences, run
-from synth.author.views.tape import QUALITY, RATE_HZ
 from synth.engine.engine import Engine
+from synth.engine.engine_settings import SETTINGS
+from synth.host.string_tape import QUALITY, RATE_HZ
 from synth.instrument.boards import board_plan
 from synth.instrument.compile import measured_of, note_frequency, string_kind
 from synth.instrument.coupled_plan import choose_steps
-from synth.instrument.plan import BRIDGE, CURVED, FAR, FREE, IMPACTS, QUALITIES, choose_factor, measured_plan
+from synth.instrument.place import NotePlace, Speaking, find, speaking
+from synth.instrument.plan import BRIDGE, CURVED, FAR, FREE, IMPACTS, choose_factor, measured_plan
 from synth.instrument.preset import BoardObstacle, Preset
+from synth.instrument.qualities import QUALITIES
 from synth.midi.events import EVENT, NOTE_ON, make_events
 from synth.physics.string import String
 
@@ -63,8 +65,7 @@ def estimate(
     preset: Preset, note: int, velocity: int = 100, *, quality: str = QUALITY, rate_hz: float = RATE_HZ
 ) -> dict[str, Any]:
     """The cost of one note; see the module's docstring."""
-    if quality not in QUALITIES:
-        raise ValueError(f"quality must be one of {', '.join(QUALITIES)}, got {quality!r}")
+    quality = SETTINGS["quality"].checked("quality", quality)
     place = find(preset, note)
     begun = time.thread_time()
     whole = preset if preset.coupled else place.preset
@@ -109,7 +110,7 @@ def estimate(
     }
 
 
-def _quality(preset: Preset, place: Place, scene: Speaking, kind: str, quality: str, rate_hz: float) -> dict[str, Any]:
+def _quality(preset: Preset, place: NotePlace, scene: Speaking, kind: str, quality: str, rate_hz: float) -> dict[str, Any]:
     """What a quality takes and promises on the string of a place."""
     open_hz = note_frequency(place.preset, place.table, place.opened, None)
     found = measured_of(place.preset, place.table, place.opened, open_hz, quality)

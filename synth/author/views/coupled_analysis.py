@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from synth.author.views.contacts import Forces, gather, touches
 from synth.author.views.coupled_motion import FLOOR_DB
 from synth.author.views.decays import stages
 from synth.author.views.frames_tape import Frames, joined
-from synth.author.views.place import Place
 from synth.fit.exponential import Bands
+from synth.host.contacts import Forces, gather, touches
 from synth.instrument.compile import Position
+from synth.instrument.place import NotePlace
 from synth.instrument.preset import Preset
 
 #: how often the strings' levels are looked at in a note, and how many partials' decays
@@ -21,7 +21,7 @@ LOOKS, DECAYS = 240, 12
 
 
 @dataclass(frozen=True)
-class Heard:
+class HeardTogether:
     """x (n,) both channels' mean from the touch of the finger on; forces of each frame's last step on the string played."""
 
     x: np.ndarray
@@ -31,7 +31,9 @@ class Heard:
     waking: dict[str, Any]
 
 
-def hear_together(preset: Preset, place: Place, velocity: int, seconds: float, quality: str, rate_hz: float) -> Heard:
+def hear_together(
+    preset: Preset, place: NotePlace, velocity: int, seconds: float, quality: str, rate_hz: float
+) -> HeardTogether:
     """The note, held. waking: {bin_s, strings: [{string, opened, played, level_db (per bin, re the loudest, −`FLOOR_DB` or
     above)}]}."""
     frames = round(seconds * rate_hz)
@@ -44,7 +46,7 @@ def hear_together(preset: Preset, place: Place, velocity: int, seconds: float, q
     x = np.concatenate(out)[made.latency_samples :][:frames]
     release_s = made.strings[made.number].draw_s
     waking = _waking(made, velocity, frames)
-    return Heard(x, gather(touched, 1.0 / rate_hz), made.position(made.line), release_s, waking)
+    return HeardTogether(x, gather(touched, 1.0 / rate_hz), made.position(made.line), release_s, waking)
 
 
 def _waking(made: Frames, velocity: int, frames: int) -> dict[str, Any]:

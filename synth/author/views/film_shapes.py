@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from synth.author.views.place import Speaking
 from synth.instrument.compile import Position
+from synth.instrument.place import Speaking
 from synth.physics.modes import mode_shapes
 from synth.physics.tail import lumped_tail
 

@@ -1,6 +1,6 @@
 """An engine that keeps a tape of an instrument whose strings share a bridge: its state after frames of the output rate.
 
-As `tape` has it for a single string: another function stands where the engine calls `together.work_together`, and has the
+As `host.string_tape` has it for a single string: an observer stands in the place of `together.work_together`, and has the
 same frames made in stretches that end where the tape wants to look. A frame is computed by itself where a stretch is shorter
 than a block of the kernels, which rounds otherwise; nothing else differs from what sounds.
 """
@@ -14,19 +14,17 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from synth.author.views.film_shapes import shapes_at
-from synth.author.views.place import Place, speaking
-from synth.author.views.tape import QUALITY, RATE_HZ
 from synth.engine.core import CORE_WORDS, bank_of, shared_of, state_of, string_of
 from synth.engine.engine import Engine
 from synth.engine.layout import BEGIN, FIRST_QUANTUM, NO_FINGER, QUANTUM, STRETCH, TASK, TOGETHER, UNTIL, WHOLE
-from synth.engine.tasks import entries
+from synth.host.string_tape import QUALITY, RATE_HZ
 from synth.instrument.compile import CompiledString, Position, second_direction
+from synth.instrument.place import NotePlace, speaking
 from synth.instrument.preset import Preset
 from synth.instrument.soundboard import Soundboard
-from synth.jit.entries import entry
 from synth.midi.events import EVENT, NOTE_ON, make_events
 from synth.native.arrays import allocate, f8, i8
-from synth.native.views import call_back, opener, table
+from synth.native.views import call_back, opener
 from synth.physics.modes import ramp_moments
 from synth.solver.coupling import APART_MODES, coupling_at, end_at
 
@@ -60,7 +58,7 @@ class FramesTape(NamedTuple):
 frames_tape_of = opener(FramesTape, CORE_WORDS)
 
 
-def _taped_together(core: int, thread: int, i: int, _: int) -> None:
+def taped_together(core: int, thread: int, i: int, _: int) -> None:
     bank, shared, sounding, tape = bank_of(core), shared_of(core), state_of(core).sounding, frames_tape_of(core)
     task, wanted = shared.task, tape.wanted
     kind, until = task[TASK], task[UNTIL]
@@ -147,7 +145,7 @@ class Frames(Engine):
     def __init__(
         self,
         preset: Preset,
-        place: Place,
+        place: NotePlace,
         quality: str = QUALITY,
         rate_hz: float = RATE_HZ,
         *,
@@ -172,7 +170,7 @@ class Frames(Engine):
     def prepare(self, rate_hz: float, max_block: int = QUANTUM, progress: Callable[[int, int], None] | None = None) -> None:
         """As the engine's, and the tape begins."""
         super().prepare(rate_hz, max_block, progress)
-        directions, bank = self.directions, self._prepared()
+        directions, bank = self.directions, self.memory.built.bank
         self.number = string_number(self.compiled[0].preset, self.place)
         self.line = directions * self.number
         lines = range(directions * len(self.strings)) if self._lines is None else self._lines
@@ -182,11 +180,10 @@ class Frames(Engine):
         extents = {"lines": len(rooms), "shots": SHOTS, "modes": sum(rooms), "contacts": contacts}
         extents |= {"body": self.body.omega.size, "components": self.body.shape.shape[0]}
         self._begins = np.concatenate([[0], np.cumsum(rooms)]).astype(np.int64)
-        self.tape = allocate(FramesTape, extents, begins=self._begins.copy(), together=entries(coupled=True)[2])
-        # behind the tables that the engine made, as `tape.Taped` has it
-        before, self._core = self._core, np.concatenate([self._core, table(self.tape)])
-        self._voices[self._voices == before.ctypes.data] = self._core.ctypes.data
-        self._shared.task[TOGETHER] = entry(_taped_together, 4).address
+        begins = self._begins.copy()
+        self.tape = self.observe(
+            TOGETHER, taped_together, lambda own: allocate(FramesTape, extents, begins=begins, together=own)
+        )
 
     @property
     def strings(self) -> tuple[CompiledString, ...]:
@@ -214,7 +211,7 @@ class Frames(Engine):
     @property
     def moving_modes(self) -> list[int]:
         """Of each line, the modes that move while its contacts are not looked at; those above them rest."""
-        return [int(end.counts[APART_MODES]) for end in self._strings.bridges.ends.items]
+        return [int(end.counts[APART_MODES]) for end in self.memory.strings.bridges.ends.items]
 
     def modes_of(self, line: int, array: np.ndarray) -> np.ndarray:
         """The columns of a line in `Shots.q` or `Shots.v`, of the model that it has once the note is played."""
@@ -269,13 +266,13 @@ class Frames(Engine):
                 heard = []
 
 
-def string_number(preset: Preset, place: Place) -> int:
+def string_number(preset: Preset, place: NotePlace) -> int:
     """Which of the engine's strings plays a place."""
     before = sum(table.notes[1] - table.notes[0] + 1 for table in preset.string[: place.index])
     return before + place.opened - preset.string[place.index].notes[0]
 
 
-def line_of(preset: Preset, place: Place) -> int:
+def line_of(preset: Preset, place: NotePlace) -> int:
     """The engine's line of the string that plays a place, in its first direction."""
     return string_number(preset, place) * (1 if preset.polarisation is None else 2)
 

@@ -42,11 +42,11 @@ from itertools import pairwise
 from typing import Any
 
 from synth.author.views.parameters import ranges
-from synth.author.views.place import Place, find, open_string, speaking
 from synth.engine.stroke import FARTHEST, drawn_by, finger_distance, finger_width, pluck_force
-from synth.fit.tune import single_strings
 from synth.instrument.boards import fingerboard_of
 from synth.instrument.compile import full_pluck_force, output_distance, pluck_shift, with_sawari
+from synth.instrument.neck import single_strings
+from synth.instrument.place import NotePlace, find, open_string, speaking
 from synth.instrument.preset import BoardObstacle, BridgeObstacle, FretsObstacle, PointsObstacle, Preset, at_note
 from synth.physics.fingerboard import board_height
 from synth.physics.obstacle import Obstacle, fret_positions
@@ -186,7 +186,7 @@ def _mm(metres: float) -> float:
 class _Drags:
     """Makes the drags of one string: value = offset + factor · coordinate, within the control's range."""
 
-    def __init__(self, place: Place, length_m: float, by_setup: bool) -> None:
+    def __init__(self, place: NotePlace, length_m: float, by_setup: bool) -> None:
         self.place = place
         self.length_m = length_m
         #: frets lie where [setup] has them, all at once
@@ -209,7 +209,7 @@ class _Drags:
         }
 
 
-def _rest(fret_x: float, fret_height: float, length: float, obstacle: Obstacle, place: Place) -> list[list[float]]:
+def _rest(fret_x: float, fret_height: float, length: float, obstacle: Obstacle, place: NotePlace) -> list[list[float]]:
     """Nut, fret, saddle and the points that lift the string between them: the upper hull of all from the fret on."""
     ends = [(fret_x, fret_height), (length, 0.0)]
     beyond = [(x, h) for x, h in zip(obstacle.positions_m, obstacle.heights_m, strict=True) if fret_x < x < length]
@@ -236,7 +236,9 @@ def _height_at(line: list[list[float]], x: float) -> float:
     return line[-1][1]
 
 
-def _points(obstacle: Obstacle, place: Place, rest: list[list[float]], fret_x: float, drags: _Drags) -> list[dict[str, Any]]:
+def _points(
+    obstacle: Obstacle, place: NotePlace, rest: list[list[float]], fret_x: float, drags: _Drags
+) -> list[dict[str, Any]]:
     shape = place.preset.obstacle
     taut = rest if not place.fret else rest[1:]
     straight = [taut[0], taut[-1]]
@@ -257,7 +259,7 @@ def _points(obstacle: Obstacle, place: Place, rest: list[list[float]], fret_x: f
     return out
 
 
-def _sawari(frets: Obstacle, place: Place, rest: list[list[float]], drags: _Drags) -> list[dict[str, Any]]:
+def _sawari(frets: Obstacle, place: NotePlace, rest: list[list[float]], drags: _Drags) -> list[dict[str, Any]]:
     """The hill by the nut that an open string has; it is counted behind the frets."""
     whole = frets if place.fret else with_sawari(place.preset, place.opened, frets)
     shape = place.preset.obstacle
@@ -282,7 +284,7 @@ def _sawari(frets: Obstacle, place: Place, rest: list[list[float]], drags: _Drag
     ]
 
 
-def _label(place: Place, index: int) -> str:
+def _label(place: NotePlace, index: int) -> str:
     match place.preset.obstacle:
         case FretsObstacle():
             return f"fret {index + 1}"
@@ -292,7 +294,7 @@ def _label(place: Place, index: int) -> str:
             return f"point {index + 1}"
 
 
-def _drag_of_point(place: Place, obstacle: Obstacle, index: int, drags: _Drags) -> dict[str, Drag | None]:
+def _drag_of_point(place: NotePlace, obstacle: Obstacle, index: int, drags: _Drags) -> dict[str, Drag | None]:
     shape, length = place.preset.obstacle, drags.length_m
     if isinstance(shape, BridgeObstacle):
         part = shape.points / (len(obstacle) - index)  # how many times as far from the saddle the last point is
@@ -320,7 +322,9 @@ def _drag_of_point(place: Place, obstacle: Obstacle, index: int, drags: _Drags) 
     return {"x": None, "height": height}
 
 
-def _pluck(place: Place, opened: String, string: String, velocity: int, fret_height: float, drags: _Drags) -> dict[str, Any]:
+def _pluck(
+    place: NotePlace, opened: String, string: String, velocity: int, fret_height: float, drags: _Drags
+) -> dict[str, Any]:
     table, length, speaking = place.preset.pluck, opened.length_m, string.length_m
     strength = velocity / 127.0
     hard = table.hardest_position
@@ -359,7 +363,7 @@ def _pluck(place: Place, opened: String, string: String, velocity: int, fret_hei
     }
 
 
-def _output(place: Place, string: String, length: float, drags: _Drags) -> dict[str, Any]:
+def _output(place: NotePlace, string: String, length: float, drags: _Drags) -> dict[str, Any]:
     output = place.preset.output
     distance = output_distance(place.preset, string, length)
     pickup = output.magnetic
@@ -375,10 +379,10 @@ def _output(place: Place, string: String, length: float, drags: _Drags) -> dict[
     }
 
 
-def _elsewhere(preset: Preset, place: Place) -> list[dict[str, Any]]:
+def _elsewhere(preset: Preset, place: NotePlace) -> list[dict[str, Any]]:
     out = []
     for index, opened, alone in single_strings(preset, {place.note}):
         if (index, opened) != (place.index, place.opened):
-            other = Place(alone, index, opened, place.note - opened)
+            other = NotePlace(alone, index, opened, place.note - opened)
             out.append({"string": other.label, "table": index, "opened": opened, "fret": other.fret})
     return out

@@ -38,8 +38,8 @@ from threadpoolctl import threadpool_limits
 from synth.author.views.coupled_motion import film_together
 from synth.author.views.film_shapes import line_at_finger, mostly_zero, places_along, rounded, shapes_at
 from synth.author.views.instrument import draw
-from synth.author.views.place import find, speaking
-from synth.author.views.tape import QUALITY, RATE_HZ, Taped
+from synth.host.string_tape import QUALITY, RATE_HZ, Taped
+from synth.instrument.place import find, speaking
 from synth.instrument.preset import Preset
 from synth.solver.lanes import BLOCK
 

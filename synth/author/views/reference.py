@@ -31,10 +31,10 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from synth.author.views.pictures import rows_of_power, waveform
-from synth.author.views.place import find
-from synth.author.views.runs import Run, differences, run
-from synth.author.views.tape import QUALITY, RATE_HZ
+from synth.author.views.runs import NoteRun, differences, run
 from synth.dsp.measures import stft_power
+from synth.host.string_tape import QUALITY, RATE_HZ
+from synth.instrument.place import find
 from synth.instrument.preset import Preset
 
 SHORTEST_S, LONGEST_S = 0.2, 30.0
@@ -77,7 +77,7 @@ def compare(
 
         return go_on
 
-    def timed(at: str, begin: float, end: float, internal_hz: float | None = None) -> tuple[Run, dict[str, Any]]:
+    def timed(at: str, begin: float, end: float, internal_hz: float | None = None) -> tuple[NoteRun, dict[str, Any]]:
         begun = time.perf_counter()
         go_on = part(begin, end)
         done = run(preset, place, velocity, seconds, at, rate_hz=rate_hz, internal_rate_hz=internal_hz, go_on=go_on)

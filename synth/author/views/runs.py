@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from synth.author.views.frames_tape import Frames, line_of
-from synth.author.views.place import Place
-from synth.author.views.tape import RATE_HZ
 from synth.dsp.measures import log_spectral_distance, relative_error, third_octave_distance
 from synth.engine.engine import Engine
 from synth.fit.plan_measures import ONSET_S
 from synth.fit.plan_measuring import as_displacement, in_metres
+from synth.host.string_tape import RATE_HZ
 from synth.instrument.compile import Position
+from synth.instrument.place import NotePlace
 from synth.instrument.preset import BridgeObstacle, Preset
 from synth.midi.events import EVENT, NOTE_ON, make_events
 
@@ -27,7 +27,7 @@ FINER = 4
 
 
 @dataclass(frozen=True)
-class Run:
+class NoteRun:
     """One note from the touch of the finger on, without the engine's latency: (frames,) each."""
 
     sound: np.ndarray
@@ -38,7 +38,7 @@ class Run:
 
 def run(
     preset: Preset,
-    place: Place,
+    place: NotePlace,
     velocity: int,
     seconds: float,
     quality: str,
@@ -46,7 +46,7 @@ def run(
     rate_hz: float = RATE_HZ,
     internal_rate_hz: float | None = None,
     go_on: Callable[[float], None] | None = None,
-) -> Run:
+) -> NoteRun:
     """The note of a preset at a place of it, held, as the engine plays it at a quality, without a limiter. Of strings that
     share a bridge all are there, and the displacement of the one that is played stands for the sound.
 
@@ -78,19 +78,19 @@ def run(
     late = engine.latency_samples
     string = engine.compiled[0].strings[0]
     position = next(p for p in string.positions if p.fret == place.fret)
-    return Run(stems[0, late:, 0], in_metres(stems[1, late:, 0]), position, string.draw_s)
+    return NoteRun(stems[0, late:, 0], in_metres(stems[1, late:, 0]), position, string.draw_s)
 
 
 def _run_together(
     preset: Preset,
-    place: Place,
+    place: NotePlace,
     velocity: int,
     seconds: float,
     quality: str,
     rate_hz: float,
     internal_rate_hz: float | None,
     go_on: Callable[[float], None] | None,
-) -> Run:
+) -> NoteRun:
     """`run` of strings that share a bridge; internal_rate_hz: steps of a frame times rate_hz. `reference` takes as many
     steps of `FINER` times as many frames."""
     finer = FINER if quality == "reference" else 1
@@ -109,14 +109,14 @@ def _run_together(
         if go_on is not None:
             go_on(done / frames)
     u = np.concatenate(seen)
-    return Run(u, u, position, made.strings[made.number].draw_s)
+    return NoteRun(u, u, position, made.strings[made.number].draw_s)
 
 
 def _seen_at(preset: Preset) -> float:
     return SEEN_AT_A_BRIDGE if isinstance(preset.obstacle, BridgeObstacle) else SEEN_AT
 
 
-def differences(mine: Run, reference: Run, rate_hz: float = RATE_HZ) -> dict[str, float | None]:
+def differences(mine: NoteRun, reference: NoteRun, rate_hz: float = RATE_HZ) -> dict[str, float | None]:
     """{e, e_100ms, log_spectral_db, third_octave_db} of two runs of equal length: e of the displacements, the others of the
     sounds; None where a string that does not move has no error."""
     onset = round(ONSET_S * rate_hz)

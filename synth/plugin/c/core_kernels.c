@@ -56,7 +56,7 @@ static void choose(void) {
     chosen_calls.process = (void (*)(int64_t, int64_t, int64_t, int64_t, int64_t, int64_t, int64_t, int64_t, int64_t, int64_t,
                                      int64_t))(void *)found("engine.process:process");
     chosen_calls.attend = (void (*)(int64_t, int64_t, int64_t))(void *)found("engine.team:_attend");
-    chosen_calls.take = (int64_t(*)(int64_t, int64_t))(void *)found("engine.team:_take");
+    chosen_calls.take = (int64_t(*)(int64_t, int64_t))(void *)found("engine.team:take_instruments");
     chosen_calls.enable_ftz = (int64_t(*)(void))(void *)found("native.denormals:enable_ftz");
     chosen_calls.restore = (void (*)(int64_t))(void *)found("native.denormals:restore");
 }

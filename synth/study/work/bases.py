@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from synth.engine.engine_settings import SETTINGS
 from synth.research.case import OVERRIDES, Case, CaseError, case_path, files_of, is_coupled, put, read_tables, validated
 from synth.spelling import perhaps
 from synth.study.work.taken import Taken
@@ -219,13 +220,12 @@ def _preset(source: Mapping[str, Any], settings: Mapping[str, Any]) -> tuple[Any
 
 
 def _check_note(preset: Any, given: Mapping[str, Any]) -> None:
-    from synth.engine import arguments
     from synth.host.batch import Note, played_as, what_is_wrong
     from synth.instrument.preset import playable_notes
     from synth.units import midi_to_note
 
     note = Note(given["note"], given["velocity"], given["seconds"], given["off_s"], None, given["articulation"])
-    arguments.quality(given["quality"])
+    SETTINGS["quality"].checked("quality", given["quality"])
     playing = played_as(preset, note.articulation, 0) if not (wrong := what_is_wrong(note)) else wrong
     if isinstance(playing, str):
         raise ValueError(playing)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import platform
 import sys
@@ -262,8 +261,3 @@ def _place(error: BaseException) -> str:
         return ""
     last = frames[-1]
     return f"{Path(last.filename).name}:{last.lineno}, in {last.name}"
-
-
-def is_blank(value: Any) -> bool:
-    """Whether a value says nothing: None, or no number."""
-    return value is None or (isinstance(value, float) and math.isnan(value))

@@ -8,12 +8,12 @@ import pytest
 
 from synth.author.views import analysis
 from synth.author.views.analysis import analyse
-from synth.author.views.contacts import Forces, binned, contacts_of, gather, touches
 from synth.author.views.formant import descending_formant
-from synth.author.views.place import find
-from synth.author.views.tape import RATE_HZ, Taped
 from synth.dsp.measures import stft_power
 from synth.fit.tune import measure
+from synth.host.contacts import Forces, binned, contacts_of, gather, touches
+from synth.host.string_tape import RATE_HZ, Taped
+from synth.instrument.place import find
 from synth.instrument.planfile import MeasuredPlan
 from synth.instrument.preset import Body, Preset, PresetError, load_preset
 

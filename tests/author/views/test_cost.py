@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from synth.author.views.cost import estimate
-from synth.author.views.place import find
 from synth.author.views.reference import Cancelled, compare
 from synth.author.views.runs import run
 from synth.instrument.compile import describe_plan
+from synth.instrument.place import find
 from synth.instrument.preset import load_preset
 
 from .kit import preset, tanpura
@@ -84,8 +84,8 @@ def test_a_comparison_can_be_cancelled() -> None:
 
 
 def test_a_run_is_what_the_engine_plays() -> None:
-    from synth.author.views.tape import RATE_HZ
     from synth.engine.engine import Engine
+    from synth.host.string_tape import RATE_HZ
     from synth.midi.events import NOTE_ON, make_events
 
     engine = Engine([load_preset("tanpura-light")], limiter=False)

@@ -9,8 +9,8 @@ import pytest
 from synth.author.changes import apply
 from synth.author.views.instrument import draw
 from synth.author.views.parameters import describe
-from synth.author.views.place import find
 from synth.instrument.compile import compile_preset
+from synth.instrument.place import find
 from synth.instrument.preset import Preset, PresetError, load_preset, playable_notes, playable_range
 
 from .kit import TEXTS, preset

@@ -9,10 +9,10 @@ from synth.author.views import motion
 from synth.author.views.analysis import analyse
 from synth.author.views.instrument import draw
 from synth.author.views.motion import MOST_FRAMES, film
-from synth.author.views.place import find, speaking
-from synth.author.views.tape import RATE_HZ, Taped
 from synth.engine.engine import Engine
+from synth.host.string_tape import RATE_HZ, Taped
 from synth.instrument.compile import compile_preset
+from synth.instrument.place import find, speaking
 from synth.instrument.preset import Preset, PresetError, load_preset
 from synth.midi.events import NOTE_ON, make_events
 from synth.solver.lanes import BLOCK

@@ -1,8 +1,8 @@
 """An engine that keeps a tape of its one string: the modes every few steps and the force at every point in every step.
 A second direction, which touches nothing, is heard and not taped.
 
-The engine calls its strings' steps by address (`engine.tasks.entries`). Here stands another function at that address,
-which has the same steps made `BLOCK` at a time and looks at the string in between. Blocks are cut where the engine's kernels
+The engine calls its strings' steps by address (`engine.tasks.entries`). An observer in that place (`Engine.observe`) has the
+same steps made `BLOCK` at a time and looks at the string in between. Blocks are cut where the engine's kernels
 cut them, so what sounds is what sounds without a tape (rests of less than a block, where a finger lets go, go step by step).
 Strings do not fly and modes do not rest here, as at the quality `fine`: on the tape there is one string at one rate.
 """
@@ -15,19 +15,18 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from synth.author.views.place import Place
 from synth.engine.core import CORE_WORDS, bank_of, scratch_of, state_of, string_of
 from synth.engine.engine import Engine
 from synth.engine.layout import NO_FINGER, QUANTUM, SPAN, STEP
 from synth.instrument.compile import Position
-from synth.jit.entries import entry
+from synth.instrument.place import NotePlace
 from synth.midi.events import NOTE_ON, make_events
 from synth.midi.eventsource import from_events
 from synth.native.arrays import allocate, f8, i8
-from synth.native.views import call_back, opener, table
+from synth.native.views import call_back, opener
 from synth.solver.lanes import BLOCK
 
-#: what views are of unless told otherwise, as `synth render` and a live stream are [Hz]
+#: what a tape is of unless told otherwise, as `synth render` and a live stream are [Hz]
 QUALITY = "standard"
 RATE_HZ = 44100.0
 #: frames that are computed between two looks at the tape
@@ -56,7 +55,7 @@ class Tape(NamedTuple):
 tape_of = opener(Tape, CORE_WORDS)
 
 
-def _taped_steps(core: int, thread: int, s: int, steps: int) -> None:
+def taped_steps(core: int, thread: int, s: int, steps: int) -> None:
     bank, state, scratch, tape = bank_of(core), state_of(core), scratch_of(thread), tape_of(core)
     me = state.sounding[s]
     fixed = bank.strings[s]
@@ -96,7 +95,7 @@ def _taped_steps(core: int, thread: int, s: int, steps: int) -> None:
 
 
 @dataclass(frozen=True)
-class Piece:
+class TapePiece:
     """What the tape holds of some steps. K steps, M shots, C contacts, N modes; views that the next piece overwrites."""
 
     first: int  # steps before it since the note began
@@ -119,7 +118,7 @@ class Taped(Engine):
     """An engine with the one string of a place, its ends at rest."""
 
     def __init__(
-        self, place: Place, quality: str = QUALITY, rate_hz: float = RATE_HZ, *, precision: str | None = None
+        self, place: NotePlace, quality: str = QUALITY, rate_hz: float = RATE_HZ, *, precision: str | None = None
     ) -> None:
         super().__init__(
             [place.preset.on_rigid_ends],
@@ -142,13 +141,8 @@ class Taped(Engine):
         contacts = max(position.eta.size for position in string.positions)
         modes = max(position.omega.size for position in string.positions)
         sizes = {"steps": steps, "contacts": max(1, contacts), "shots": shots, "cap": modes}
-        step = int(self._shared.task[STEP])
-        self.tape = allocate(Tape, sizes | {"span_steps": SPAN * QUANTUM * string.factor}, step=step)
-        # behind the tables that the engine made, which looks no further than their end; its voices lead there, too
-        before, self._core = self._core, np.concatenate([self._core, table(self.tape)])
-        self._voices[self._voices == before.ctypes.data] = self._core.ctypes.data
-        self._taped_steps = entry(_taped_steps, 4)
-        self._shared.task[STEP] = self._taped_steps.address
+        sizes |= {"span_steps": SPAN * QUANTUM * string.factor}
+        self.tape = self.observe(STEP, taped_steps, lambda step: allocate(Tape, sizes, step=step))
 
     @property
     def position(self) -> Position:
@@ -159,12 +153,12 @@ class Taped(Engine):
     def step_s(self) -> float:
         return 1.0 / self.position.plan.rate_hz
 
-    def play(self, velocity: int, seconds: float) -> Iterator[Piece]:
+    def play(self, velocity: int, seconds: float) -> Iterator[TapePiece]:
         """The note, held, from the touch of the finger until `seconds` later, in pieces."""
         self.reset()
         yield from self.pieces(make_events([(0, NOTE_ON, 0, self.place.note, velocity)]), round(seconds * self.rate_hz))
 
-    def pieces(self, events: np.ndarray, frames: int) -> Iterator[Piece]:
+    def pieces(self, events: np.ndarray, frames: int) -> Iterator[TapePiece]:
         """So many frames of sound from the first event on, of an engine that has been reset. events: EVENT array; the first
         wakes the string."""
         position = self.position
@@ -180,7 +174,7 @@ class Taped(Engine):
             self.process(due, out)
             steps, shots = (int(count) for count in self.tape.written)
             tape = self.tape
-            yield Piece(
+            yield TapePiece(
                 made,
                 tape.force[:steps, :contacts],
                 made + tape.ends[:shots],

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from synth.fit.tune import single_strings
 from synth.instrument.boards import on_board
 from synth.instrument.compile import (
     make_string,
@@ -14,6 +13,7 @@ from synth.instrument.compile import (
     string_frequency,
     with_sawari,
 )
+from synth.instrument.neck import single_strings
 from synth.instrument.preset import (
     BoardObstacle,
     Preset,
@@ -29,7 +29,7 @@ from synth.units import midi_to_note
 
 
 @dataclass(frozen=True)
-class Place:
+class NotePlace:
     """A note on a string. `preset` has that string only, whose table had number `index` and is now the first."""
 
     preset: Preset
@@ -71,13 +71,13 @@ class Speaking:
     reached: Obstacle
 
 
-def open_string(place: Place) -> tuple[String, Obstacle]:
+def open_string(place: NotePlace) -> tuple[String, Obstacle]:
     """The open string of a place and what lies below it. Raises ValueError for a string that cannot be tuned."""
     opened = make_string(place.preset, place.table, place.opened, place.model_hz(0))
     return opened, obstacle_of(place.preset, place.table, place.opened, opened.length_m)
 
 
-def speaking(place: Place) -> Speaking:
+def speaking(place: NotePlace) -> Speaking:
     """The speaking string of a place, as the engine's model of it. Raises ValueError where it cannot sound."""
     opened, below = open_string(place)
     below.check(opened.length_m)
@@ -104,15 +104,15 @@ def first_note(preset: Preset) -> int:
     return min(opened, key=lambda note: (abs(note - middle), note))
 
 
-def find(preset: Preset, note: int) -> Place:
+def find(preset: Preset, note: int) -> NotePlace:
     """The place that the engine takes for the note on a silent instrument: the lowest fret, among equals the first string.
 
     An open string counts as the first fret. Raises PresetError where no string plays it.
     """
     frets = fret_count(preset)
-    best: Place | None = None
+    best: NotePlace | None = None
     for index, opened, alone in single_strings(preset, {note}):
-        place = Place(alone, index, opened, note - opened)
+        place = NotePlace(alone, index, opened, note - opened)
         if best is None or (frets and max(1, place.fret) < max(1, best.fret)):
             best = place
     if best is None:

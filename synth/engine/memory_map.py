@@ -1,0 +1,53 @@
+"""The memory of a prepared engine: its arrays, and the tables by which compiled code finds them.
+
+    inside = engine.memory
+    inside.built.bank.strings, inside.state.sounding, inside.core
+
+For what lays an engine out somewhere else (`plugin.bankfile`) or reads what it is made of. All of it is the engine's own and
+stays in place until the next `prepare`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from synth.engine.bank import Built, Strings
+from synth.engine.effect_chains import Chains
+from synth.engine.excite import Excitations
+from synth.engine.layout import Effects, Settings, Shared, State
+from synth.solver.stringmodel import Scratch
+
+
+@dataclass(frozen=True)
+class EngineMemory:
+    """Arrays of an engine, and tables of `native.views` that lead to them.
+
+    built          constants: Bank, models, flights
+    state, shared  what changes while sounding; work arrays of all threads
+    strings        what changes of the strings, with the tables of their models, states, ends and boards
+    scratch        work arrays of the thread that calls `process`
+    core, thread   tables that the native core is called with: `core.CORE_PARTS`, two Scratch
+    voices         table of the voice policy
+    effect_tables  table of each effect in `chains.placed`
+    """
+
+    built: Built
+    state: State
+    shared: Shared
+    settings: Settings
+    effects: Effects
+    chains: Chains
+    strings: Strings
+    excitations: Excitations
+    scratch: tuple[Scratch, Scratch]
+    core: np.ndarray
+    thread: np.ndarray
+    voices: np.ndarray
+    effect_tables: list[np.ndarray]
+
+    @property
+    def changing(self) -> dict[str, np.ndarray]:
+        """All that changes while sounding, by name."""
+        return {**self.state._asdict(), **self.strings.arrays()}
