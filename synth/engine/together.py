@@ -71,7 +71,7 @@ LEAST_PULL_N = 1e-9
 
 
 def work_together(core: int, thread: int, i: int, _: int) -> None:
-    """`tasks._work_on` of an instrument whose strings share a bridge."""
+    """`tasks.work_on` of an instrument whose strings share a bridge."""
     task, sounding = shared_of(core).task, state_of(core).sounding
     instrument = bank_of(core).instruments[i]
     first, end, kind = instrument.first_string, instrument.end_string, task[TASK]

@@ -203,6 +203,7 @@ def _look_closer(coupling: int, scratch: int, frames: int) -> bool:
         if may_touch:
             look_at(coupling, line, int(np.int64(1)), scratch)
             fill_finger(coupling, line, scratch)
+            _keep_line(c, line)  # it still is as the block began
             e.known[CULLING] = LONG if may_cull(coupling, line) else NEVER
             e.known[LASTS] = 0
             closer = True

@@ -103,11 +103,22 @@ def _left_after(c, line: int, moved, height: float) -> int:
                 here += shape[j] * q[j]
                 furthest += abs(shape[j]) * moved[j]
             gap = here + e.leverage[k] * height - s.eta[k]
+            if e.counts[BY_FRAMES] and e.answer[FINGERS_PUSH] != 0.0:
+                gap += min(0.0, _held_by_those_that_rest(m, s, k, moved.size) * e.answer[FINGERS_PUSH])
             if gap - furthest > max(reserve, _KEPT_BACK * gap):
                 e.left[k] = gap - furthest
             else:
                 near += 1
     return near
+
+
+@njit(fastmath=FAST, **INNER)
+def _held_by_those_that_rest(m, s, contact: int, moving: int) -> float:
+    """How far a unit push of the finger holds the modes from number `moving` on at a contact [m/N], as if at rest."""
+    shape, weights, omega, total = m.shapes[contact], s.finger_weights, m.omega, 0.0
+    for j in range(moving, m.modes):
+        total += shape[j] * weights[j] / (omega[j] * omega[j])
+    return total / m.mu
 
 
 @njit(cache=True, nogil=True)

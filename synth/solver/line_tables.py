@@ -229,6 +229,8 @@ def go_by_frames(coupling: int, line: int, scratch: int) -> bool:
     look_everywhere(end)
     e.counts[ENGAGED] = 1
     residual, finger_at = 0.0, s.finger[0]
+    if before:  # what rests is in it already
+        finger_at.here -= (s.grip_own[0, BLOCK] - finger_at.own) * finger_at.push
     for j in range(e.counts[APART_MODES], m.modes):  # which follow the finger as if at rest
         weight = s.finger_weights[j]
         residual += weight * weight / (m.mu * m.omega[j] * m.omega[j])
@@ -299,6 +301,9 @@ def _bend_above(c, line: int) -> None:
     """The modes of a line that rested while it went by frames are where the finger's last push holds them."""
     e, s, m = end_at(c.line_end[line]), string_state(c.line_state[line]), string_model(c.line_model[line])
     push = s.finger[0].push
+    if push == 0.0:
+        return
+    look_everywhere(c.line_end[line])  # no certificate knows of them
     for j in range(e.counts[APART_MODES], m.modes):
         s.q[j] = push * s.finger_weights[j] / (m.mu * m.omega[j] * m.omega[j])
         s.v[j] = 0.0
