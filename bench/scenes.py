@@ -31,8 +31,8 @@ LOWEST, HIGHEST, APART_S, VELOCITY = 36, 48, 0.02, 100
 MANY = 64
 SONGS = {"drone": "tanpura-light", "bassline": "fretted-bass"}
 QUALITIES = ("draft", "standard", "fine")
-#: an engine without this argument has one thread
-HAS_THREADS = "threads" in inspect.signature(Engine).parameters
+#: an engine without this argument, by its name or among its options, has one thread
+HAS_THREADS = bool({"threads", "options"} & set(inspect.signature(Engine).parameters))
 
 
 @dataclass

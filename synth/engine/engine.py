@@ -109,7 +109,7 @@ class Engine:
     policy       who plays a note and who yields, as the native core calls it (`voices.policy`)
     warn         told by `prepare` what may go wrong (a scheme that can gain energy at its rate, `schemes.energy_warning`);
                  None: Python's warnings are, as RuntimeWarning
-    max_polyphony is the name of the setting `polyphony` up to version 0.19.
+    max_polyphony  the name of the setting `polyphony` up to version 0.19
     Raises ValueError (PresetError among them) for what cannot be played, TypeError for what is of another kind.
 
     Copied (`copy`) or unpickled it is an engine of its own, made and prepared anew with all that sounds, but for `warn`.
@@ -138,8 +138,12 @@ class Engine:
         self.parts = arguments.presets(parts)
         self.program_map = arguments.program_map(program_map, len(self.parts))
         if max_polyphony is not None:
+            if options.get("polyphony") is not None:
+                raise TypeError("polyphony and max_polyphony must not both be given: the second is the first's old name")
             options["polyphony"] = max_polyphony
-        self.settings = (settings or EngineSettings()).of_engine(**options)
+        if settings is not None and not isinstance(settings, EngineSettings):
+            raise TypeError(f"settings must be an EngineSettings, got {settings!r:.50}; give its fields by name: quality=…")
+        self.settings = (EngineSettings() if settings is None else settings).of_engine(**options)
         channels = []
         for p in range(len(parts)):
             of_part = np.flatnonzero((self.program_map == p).any(axis=1))
@@ -401,13 +405,13 @@ class Engine:
 
     @property
     def addresses(self) -> tuple[int, int]:
-        """What the native `process` takes as `core` and `thread`, valid until the next `prepare`."""
+        """What the native `process` takes as `core` and `thread`, valid until the next `prepare` or `observe`."""
         self._prepared()
         return self._core.ctypes.data, self._thread_table.ctypes.data
 
     @property
     def memory(self) -> EngineMemory:
-        """Its arrays and tables, as they are until the next `prepare`."""
+        """Arrays and tables of the engine as they now are (`EngineMemory`)."""
         self._prepared()
         return EngineMemory(
             self._built,
@@ -428,16 +432,26 @@ class Engine:
     def observe(
         self, place: int, watch: Callable[[int, int, int, int], None], records: Callable[[int], _Records]
     ) -> _Records:
-        """Put an observer in the place of a function that the engine calls, until the next `prepare`; its records.
+        """Put an observer in the place of a function that the engine calls, until the next `prepare`. Returns its records.
 
-        place    of the function in Shared.task: `layout.STEP` (core, thread, string, steps) or `layout.TOGETHER` (core,
-                 thread, instrument, –)
+        To be called after `prepare`, before `addresses` are given to anybody and while nobody calls `process`.
+
+        place    of the function in Shared.task: `layout.STEP` (core, thread, string, steps), of strings that share no bridge
+                 and do not fly at the output rate (with economy=False none does), or `layout.TOGETHER` (core, thread,
+                 instrument, –), of instruments whose strings share a bridge
         watch    a function of the same arguments, compiled here: it has the function's work done by `views.call_back`, at
                  once or in parts, and reads what it wants in between
         records  of the function's address, the NamedTuple that `watch` opens by `opener(Records, CORE_WORDS)`
-        Raises ValueError for an engine that is observed already, or that several threads compute.
+        Raises ValueError for another place or one whose function is not called, for an engine that is observed already, or
+        that several threads compute.
         """
         self._prepared()
+        if place not in (layout.STEP, layout.TOGETHER):
+            raise ValueError(
+                f"place must be layout.STEP ({layout.STEP}) or layout.TOGETHER ({layout.TOGETHER}), got {place!r}"
+            )
+        if self._shared.task[place] == 0:
+            raise ValueError("an engine observed at layout.TOGETHER must have strings that share a bridge, got none")
         if self._observed is not None:
             raise ValueError("an engine must have one observer, got a second; prepare it anew")
         if self._team is not None:

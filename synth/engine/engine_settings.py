@@ -22,6 +22,8 @@ from synth.solver.schemes import LAWS
 
 #: largest seed of what varies from stroke to stroke
 MOST_SEED = (1 << 31) - 1
+#: most threads that can be asked for
+MOST_THREADS = 1 << 16
 #: most strings that can be asked for
 MOST_STRINGS = 1 << 20
 
@@ -67,7 +69,7 @@ def _choice(default: str | None, words: str, choices: tuple[str, ...], absent: s
     """A setting that is one of some names."""
 
     def check(name: str, value: Any) -> Any:
-        if value not in choices:
+        if not (isinstance(value, str) and value in choices):
             none = f", or None for {absent}" if absent else ""
             raise ValueError(f"{name} must be one of {', '.join(choices)}{none}, got {value!r}")
         return value
@@ -79,7 +81,11 @@ def _switch(default: bool | None, words: str, absent: str = "") -> Any:
     """A setting that is True or False."""
 
     def check(name: str, value: Any) -> bool:
-        if value not in (True, False):
+        try:
+            known = value in (True, False)
+        except ValueError:  # an array
+            known = False
+        if not known:
             raise TypeError(f"{name} must be True or False, got {value!r}")
         return bool(value)
 
@@ -91,9 +97,12 @@ def _check_scheme(name: str, value: Any) -> str:
 
 
 def _check_threads(name: str, value: Any) -> int | str:
-    if isinstance(value, bool) or (value != "auto" and not (isinstance(value, int) and value >= 1)):
-        raise ValueError(f"{name} must be a whole number from 1 on or 'auto', got {value!r}")
-    return value
+    if isinstance(value, str) and value == "auto":
+        return value
+    try:
+        return a_count(name, value, 1, MOST_THREADS)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} must be a whole number from 1 on or 'auto', got {value!r}") from None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,8 +3,8 @@
     inside = engine.memory
     inside.built.bank.strings, inside.state.sounding, inside.core
 
-For what lays an engine out somewhere else (`plugin.bankfile`) or reads what it is made of. All of it is the engine's own and
-stays in place until the next `prepare`.
+For what lays an engine out somewhere else (`plugin.bankfile`) or reads what it is made of. All of it is the engine's own, as
+it now is: `prepare`, `observe`, a longer queue of events (`reserve`) and `reset` with a seed put other arrays in its place.
 """
 
 from __future__ import annotations

@@ -42,7 +42,7 @@ SILENT_KEY = "the keyboard mapping leaves this key silent"
 
 @dataclass(frozen=True)
 class RenderSettings(EngineSettings):
-    """What to render and how; times in seconds. Of the settings of its engine, `threads` is 'auto' unless told otherwise.
+    """What to render and how; times in seconds. `threads` is 'auto' where no other number is given.
 
     output: file name, '-' for standard output, or None if only stems are wanted.
     preset: for all channels but percussion (None: the programs choose).

@@ -73,7 +73,7 @@ LOAD_BINS = 4001
 
 @dataclass(frozen=True)
 class SessionSettings(EngineSettings):
-    """What to play on, and how: the settings of its engine among it.
+    """What to play on and how, with the settings of the engine.
 
     preset, channel_presets, settings, tuning, keyboard, bindings: as in RenderSettings.
     gm, only_strings: as in RenderSettings; where others play beside a song, programs choose from the whole table, too.

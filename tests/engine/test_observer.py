@@ -7,7 +7,7 @@ import pytest
 
 from synth.engine.core import CORE_WORDS
 from synth.engine.engine import Engine
-from synth.engine.layout import QUANTUM, STEP
+from synth.engine.layout import QUANTUM, STEP, TOGETHER, UNTIL
 from synth.instrument.preset import load_preset
 from synth.midi.events import EVENT, NOTE_ON, make_events
 from synth.native.arrays import allocate, i8
@@ -52,10 +52,10 @@ def observed(engine: Engine) -> Steps:
 
 
 def test_an_observer_sees_every_step_and_changes_no_sound() -> None:
-    engine = prepared()
+    engine = prepared(economy=False)
     steps = observed(engine)
     heard = played(engine)
-    assert np.array_equal(heard, played(prepared()))
+    assert np.array_equal(heard, played(prepared(economy=False)))
     awake = np.flatnonzero(steps.made)
     assert awake.size == 1 and steps.made[awake[0]] >= len(heard) - QUANTUM
 
@@ -82,3 +82,10 @@ def test_only_an_engine_that_is_prepared_and_has_one_thread_is_observed() -> Non
     with pytest.raises(ValueError, match="must have one thread, got threads 2; make it with threads=1"):
         observed(engine)
     engine.close()
+
+
+def test_only_what_the_engine_calls_is_observed() -> None:
+    with pytest.raises(ValueError, match=r"place must be layout\.STEP"):
+        prepared().observe(UNTIL, counted_steps, lambda own: allocate(Steps, {"strings": 1}, own=own))
+    with pytest.raises(ValueError, match="must have strings that share a bridge, got none"):
+        prepared().observe(TOGETHER, counted_steps, lambda own: allocate(Steps, {"strings": 1}, own=own))

@@ -7,6 +7,7 @@ import pickle
 from dataclasses import FrozenInstanceError, fields, replace
 from typing import get_type_hints
 
+import numpy as np
 import pytest
 
 from synth.cli import common
@@ -59,6 +60,21 @@ def test_a_value_that_cannot_be_is_refused_wherever_it_is_given(name: str) -> No
         with pytest.raises((ValueError, TypeError)) as caught:
             make()
         assert str(caught.value).startswith(said)
+
+
+def test_what_is_no_record_of_settings_and_two_names_of_one_are_refused() -> None:
+    parts = [load_preset("tanpura-light")]
+    with pytest.raises(TypeError, match=r"settings must be an EngineSettings, got \{'quality': 'fine'\}"):
+        Engine(parts, settings={"quality": "fine"})
+    with pytest.raises(TypeError, match="polyphony and max_polyphony must not both be given"):
+        Engine(parts, polyphony=8, max_polyphony=2)
+    assert Engine(parts, max_polyphony=2).settings.polyphony == 2
+
+
+@pytest.mark.parametrize("name", ["limiter", "quality", "threads"])
+def test_an_array_is_refused_by_name(name: str) -> None:
+    with pytest.raises((TypeError, ValueError), match=f"^{name} must be "):
+        EngineSettings(**{name: np.array([1, 1])})
 
 
 def test_settings_are_constant_and_numbers_of_one_kind() -> None:
