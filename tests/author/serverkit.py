@@ -42,7 +42,7 @@ class Forked:
         with suppress(ProcessLookupError):
             os.kill(self.pid, signal.SIGKILL)
 
-waiting, anew = [Forked()], worker.Worker._started
+waiting, anew = [Forked()], worker.ComputeProcess._started
 
 def started(self):
     if self._pipe is None and not self._closed and waiting:
@@ -50,7 +50,7 @@ def started(self):
         self._pipe = self._process.pipe
     return anew(self)
 
-worker.Worker._started = started
+worker.ComputeProcess._started = started
 """
 
 
