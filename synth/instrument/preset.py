@@ -805,7 +805,13 @@ class Preset(Table):
         if not self.coupled:
             return self
         output = self.output.model_copy(update={"kind": "force"})
-        changed: dict[str, Any] = {"output": output, "body": Body(), "polarisation": None}
+        changed: dict[str, Any] = {
+            "output": output,
+            "body": Body(),
+            "polarisation": None,
+            "hand": self.hand.model_copy(update={"knock": None}),
+            "damping": self.damping.model_copy(update={"others_s": None}),
+        }
         if isinstance(self.obstacle, PointContacts):
             changed["obstacle"] = self.obstacle.model_copy(update={"friction": 0.0})
         return self.model_copy(update=changed)
