@@ -5,6 +5,13 @@ import { h, noteName, parseNote, s } from "./format.js";
 
 const WIDTH = 240;
 const HEIGHT = 36;
+/** A page as narrow as a phone: tables begin folded, and fold as a page becomes so. */
+const NARROW = matchMedia("(max-width: 640px)");
+
+NARROW.addEventListener("change", () => {
+  if (!NARROW.matches) return;
+  for (const table of document.querySelectorAll("details.anchors")) table.open &&= table.contains(document.activeElement);
+});
 
 /** `single` is the control of one value, shown while there is one. */
 export function makeAnchors(parameter, { store, commit, refuse, labels }, single) {
@@ -102,7 +109,7 @@ export function makeAnchors(parameter, { store, commit, refuse, labels }, single
       const text = JSON.stringify(value);
       if (text === drawn) return;
       drawn = text;
-      if (!table.dataset.seen) table.open = Object.keys(value).length <= 5;
+      if (!table.dataset.seen) table.open = Object.keys(value).length <= 5 && !NARROW.matches;
       table.dataset.seen = "yes";
       const focus = rows.contains(document.activeElement) ? document.activeElement.dataset.part : null;
       build();
