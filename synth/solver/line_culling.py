@@ -112,13 +112,19 @@ def _left_after(c, line: int, moved, height: float) -> int:
     return near
 
 
+@njit(inline="always")
+def held_at_rest(m, s, j: int) -> float:
+    """Where a unit push of the finger on a string holds mode j at rest [m·√m/N], of its StringModel m and StringState s."""
+    return s.finger_weights[j] / (m.mu * m.omega[j] * m.omega[j])
+
+
 @njit(fastmath=FAST, **INNER)
 def _held_by_those_that_rest(m, s, contact: int, moving: int) -> float:
     """How far a unit push of the finger holds the modes from number `moving` on at a contact [m/N], as if at rest."""
-    shape, weights, omega, total = m.shapes[contact], s.finger_weights, m.omega, 0.0
+    total = 0.0
     for j in range(moving, m.modes):
-        total += shape[j] * weights[j] / (omega[j] * omega[j])
-    return total / m.mu
+        total += m.shapes[contact, j] * held_at_rest(m, s, j)
+    return total
 
 
 @njit(cache=True, nogil=True)

@@ -35,7 +35,7 @@ from synth.solver.fingers import fill_grip
 from synth.solver.lanes import BLOCK, KQ, KV, P12, P22, padded
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.line_certificates import look_everywhere
-from synth.solver.line_culling import cull
+from synth.solver.line_culling import cull, held_at_rest
 from synth.solver.quick_coefficients import quick_coefficients
 from synth.solver.responses import complete_rows, fill_lags, fill_response, fill_rows
 from synth.solver.stringmodel import MOVING, scratch_of, string_model, string_state
@@ -233,7 +233,7 @@ def go_by_frames(coupling: int, line: int, scratch: int) -> bool:
         finger_at.here -= (s.grip_own[0, BLOCK] - finger_at.own) * finger_at.push
     for j in range(e.counts[APART_MODES], m.modes):  # which follow the finger as if at rest
         weight = s.finger_weights[j]
-        residual += weight * weight / (m.mu * m.omega[j] * m.omega[j])
+        residual += weight * held_at_rest(m, s, j)
         if j < s.counts[MOVING]:
             finger_at.here -= weight * s.q[j]
     finger_at.here += residual * finger_at.push
@@ -260,7 +260,7 @@ def go_by_frames(coupling: int, line: int, scratch: int) -> bool:
         for j in range(n):
             total += abs(m.shapes[k, j]) * q[j]
         for j in range(n, m.modes):
-            total += abs(m.shapes[k, j] * s.finger_weights[j]) / (m.mu * m.omega[j] * m.omega[j])
+            total += abs(m.shapes[k, j] * held_at_rest(m, s, j))
         s.grip_far[k] = MARGIN * total
     _fill_finger_end(e.flight, n, c.frame, model, state, end, int(np.int64(1)), w.q, w.v, w.spare)
     return True
@@ -305,5 +305,5 @@ def _bend_above(c, line: int) -> None:
         return
     look_everywhere(c.line_end[line])  # no certificate knows of them
     for j in range(e.counts[APART_MODES], m.modes):
-        s.q[j] = push * s.finger_weights[j] / (m.mu * m.omega[j] * m.omega[j])
+        s.q[j] = push * held_at_rest(m, s, j)
         s.v[j] = 0.0
