@@ -47,10 +47,19 @@ def whole(kind: str) -> tuple[bytes, ...]:
 
 def broken(kind: str, number: int, seed: int) -> bytes:
     """The broken input `number` of its kind, the same at every call."""
-    rng = np.random.default_rng([seed, KINDS.index(kind), number])
-    inputs = whole(kind)
+    rng, source = _drawn(kind, number, seed)
     text = kind in ("preset", "scale", "keyboard", "case")
-    return (text_broken if text else bytes_broken)(inputs[int(rng.integers(len(inputs)))], rng)
+    return (text_broken if text else bytes_broken)(whole(kind)[source], rng)
+
+
+def source(kind: str, number: int, seed: int) -> int:
+    """Index of the whole input of which the broken input `number` is made."""
+    return _drawn(kind, number, seed)[1]
+
+
+def _drawn(kind: str, number: int, seed: int) -> tuple[np.random.Generator, int]:
+    rng = np.random.default_rng([seed, KINDS.index(kind), number])
+    return rng, int(rng.integers(len(whole(kind))))
 
 
 def attempt(kind: str, data: bytes) -> str:

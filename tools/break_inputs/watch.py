@@ -51,6 +51,8 @@ def _one_worker(tally: Tally, first: int, beyond: int, seed: int) -> int:
             watch.cancel()
             watch = _killer(worker)
             said = json.loads(line)
+            if "warmed" in said:
+                continue
             if "at" in said:
                 at = said["at"]
                 continue
@@ -66,15 +68,15 @@ def _one_worker(tally: Tally, first: int, beyond: int, seed: int) -> int:
         watch.cancel()
         errors.seek(0)
         words = errors.read()[-2000:]
+    name = signal.Signals(-code).name if code < 0 else f"exit code {code}"
     if at is not None:
-        name = signal.Signals(-code).name if code < 0 else f"exit code {code}"
         what = {"SIGPROF": "hung: no end of its processor time", "SIGKILL": "hung: no word for too long"}.get(
             name, f"died of {name}"
         )
         tally.broke.append((at, f"{what}\n{words}"))
         return at + 1
     if code:
-        raise RuntimeError(f"the worker for {tally.kind} did not start:\n{words}")
+        raise RuntimeError(f"the worker for {tally.kind} ended between two inputs, {name}:\n{words}")
     return first
 
 

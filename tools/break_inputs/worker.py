@@ -11,7 +11,7 @@ import time
 import traceback
 import warnings
 
-from break_inputs.trial import Broke, attempt, broken, whole
+from break_inputs.trial import Broke, attempt, broken, source, whole
 
 #: longest that one may take, of this process's own time [s]
 MOST_S = 10.0
@@ -21,8 +21,13 @@ def work(kind: str, first: int, beyond: int, seed: int) -> None:
     """Inputs `first` to `beyond` − 1 of a kind."""
     warnings.simplefilter("error")
     out = os.fdopen(os.dup(1), "w", buffering=1)
-    _warm(kind)
+    warmed: set[int] = set()
     for number in range(first, beyond):
+        origin = source(kind, number, seed)
+        if origin not in warmed:
+            warmed.add(origin)
+            _warm(kind, whole(kind)[origin])
+            print(json.dumps({"warmed": origin}), file=out)
         data = broken(kind, number, seed)
         print(json.dumps({"at": number}), file=out)
         signal.setitimer(signal.ITIMER_PROF, 2 * MOST_S)  # ends the process, whatever it is doing
@@ -40,11 +45,10 @@ def work(kind: str, first: int, beyond: int, seed: int) -> None:
         print(json.dumps({"of": number, "came": came, "took": took}), file=out)
 
 
-def _warm(kind: str) -> None:
-    """Compile or load what whole inputs need, outside of any count."""
-    for data in whole(kind):
-        with contextlib.suppress(Broke):
-            attempt(kind, data)
+def _warm(kind: str, data: bytes) -> None:
+    """Compile or load what a whole input needs, outside of any count."""
+    with contextlib.suppress(Broke):
+        attempt(kind, data)
 
 
 if __name__ == "__main__":
