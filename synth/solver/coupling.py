@@ -155,6 +155,7 @@ class End(NamedTuple):
     left: Annotated[
         np.ndarray, f8("contacts")
     ]  # of the gap of each contact that is not certified, > 0: it is passed over [m]
+    held: Annotated[np.ndarray, f8("contacts")]  # where a unit push of the finger holds the modes that rest by frames [m/N]
     few: Annotated[np.ndarray, f8("SETS, FEW*FEW")]  # of each set of contacts, by columns
     sides: Annotated[np.ndarray, f8("4, FEW")]
     drew: Annotated[np.ndarray, f8("BLOCK")]  # pull after the forces of one step, at the ends of its and later frames

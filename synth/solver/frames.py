@@ -650,8 +650,8 @@ def _bridge_speed(coupling: int, scratch: int, number: int, begin: int) -> int:
             end = c.line_end[line]
             e = end_at(end)
             if e.counts[KIND] >= SINGLE:
-                turn, steps = along(c, line, turns), c.steps[line]
-                first, at = _within(c, e, line, number)[1] * steps, (begin + number) * steps
+                turn, steps, taken = along(c, line, turns), c.steps[line], steps_of(c, e, line)
+                first, at = _within(c, e, line, number)[1] * taken, (begin + number) * steps
                 if rubs(coupling, line):
                     e.known[LINEAR] = 0
                     force, slope, cross, mine, bad = answer_of_rubbed(
@@ -661,17 +661,18 @@ def _bridge_speed(coupling: int, scratch: int, number: int, begin: int) -> int:
                     for i in range(d):
                         for k in range(d):
                             c.jacobian[i, k] += c.direction[line, i] * c.direction[line - 1, k] * cross
-                elif e.counts[BY_FRAMES]:
-                    force, slope = answer_by_frames(
-                        c.line_model[line], c.line_state[line], end, _within(c, e, line, number)[1], at, steps, c.frame, turn
-                    )
-                    mine, bad = 0, SOLVED
-                elif iteration > 0 and follow_line(c.line_model[line], c.line_state[line], end, first, steps, turn):
+                elif iteration > 0 and follow_line(c.line_model[line], c.line_state[line], end, first, taken, turn):
                     force, slope, mine, bad = e.answer[PUSHED], e.answer[STEEPNESS], e.known[PATTERN], SOLVED
                 else:
-                    force, slope, mine, bad = answer_of_line(
-                        c.line_model[line], c.line_state[line], end, scratch, first, at, steps, turn
-                    )
+                    if e.counts[BY_FRAMES]:
+                        force, slope = answer_by_frames(
+                            c.line_model[line], c.line_state[line], end, first, at, steps, c.frame, turn
+                        )
+                        mine, bad = 0, SOLVED
+                    else:
+                        force, slope, mine, bad = answer_of_line(
+                            c.line_model[line], c.line_state[line], end, scratch, first, at, steps, turn
+                        )
                     e.answer[TURNED], e.answer[PUSHED], e.answer[STEEPNESS] = turn, force, slope
                 status = max(status, bad)
                 same = same and mine == e.known[PATTERN]

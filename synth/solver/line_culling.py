@@ -18,6 +18,7 @@ from numba import njit
 
 from synth.solver.certificates import MARGIN
 from synth.solver.coupling import (
+    APART_MODES,
     BY_FRAMES,
     CULLING,
     FEW,
@@ -70,46 +71,55 @@ def cull(coupling: int, line: int, scratch: int, steps: int) -> int:
     by_frames = e.counts[BY_FRAMES] != 0
     n, height, finger = moving_modes(m, e), along(c, line, c.beta), s.finger[0]
     dt = c.frame if by_frames else m.dt
-    extent, moved, omega, q, v = w.moved[0, :n], w.moved[1, :n], m.omega, s.q, s.v
+    whole, soon, omega, q, v = w.moved[0, :n], w.moved[1, :n], m.omega, s.q, s.v
     push = finger.push if finger.on else 0.0
     e.answer[FINGERS_PUSH] = push
-    per_mass, time = push / m.mu, steps * dt
+    per_mass, time, brief = push / m.mu, steps * dt, min(steps, BLOCK) * dt
     for j in range(n):
         period = 1.0 / omega[j]
         away, speed = q[j] - per_mass * s.finger_weights[j] * (period * period), v[j] * period
-        extent[j] = MARGIN * np.sqrt(away * away + speed * speed)
-        moved[j] = extent[j] * min(2.0, omega[j] * time)
-    near = _left_after(c, line, moved, height)
+        extent = MARGIN * np.sqrt(away * away + speed * speed)
+        whole[j] = extent * min(2.0, omega[j] * time)
+        soon[j] = extent * min(2.0, omega[j] * brief)
+    near, near_soon = _left_after(c, line, whole, soon, height, w.b)
     e.known[LASTS] = steps
     if steps > BLOCK and (near > (0 if by_frames else FEW) or e.known[CULLING] == SHORT):
-        for j in range(n):
-            moved[j] = extent[j] * min(2.0, omega[j] * (BLOCK * dt))
-        near = _left_after(c, line, moved, height)
+        for k in range(m.shapes.shape[0]):
+            e.left[k] = w.b[k]
         e.known[LASTS] = BLOCK
+        return near_soon
     return near
 
 
 @njit(fastmath=FAST, **INNER)
-def _left_after(c, line: int, moved, height: float) -> int:
-    """End.left once each mode has moved by so much (n,); how many contacts are to be looked at."""
+def _left_after(c, line: int, whole, soon, height: float, left_soon) -> tuple[int, int]:
+    """End.left once each mode has moved by as much as in the whole time (n,), and the same by as much as soon; how many
+    contacts are to be looked at in either case."""
     m, s, e = string_model(c.line_model[line]), string_state(c.line_state[line]), end_at(c.line_end[line])
-    q, near = s.q[: moved.size], 0
+    q, near, near_soon = s.q[: whole.size], 0, 0
     reserve = _OF_THE_BRIDGE * e.numbers[LATELY]
     for k in range(m.shapes.shape[0]):
-        e.left[k] = 0.0
+        e.left[k] = left_soon[k] = 0.0
         if e.clearance[k] <= 0.0 or e.counts[BY_FRAMES]:
-            shape, here, furthest = m.shapes[k, : moved.size], 0.0, 0.0
-            for j in range(moved.size):
+            shape, here, far, close = m.shapes[k, : whole.size], 0.0, 0.0, 0.0
+            for j in range(whole.size):
+                reach = abs(shape[j])
                 here += shape[j] * q[j]
-                furthest += abs(shape[j]) * moved[j]
+                far += reach * whole[j]
+                close += reach * soon[j]
             gap = here + e.leverage[k] * height - s.eta[k]
-            if e.counts[BY_FRAMES] and e.answer[FINGERS_PUSH] != 0.0:
-                gap += min(0.0, _held_by_those_that_rest(m, s, k, moved.size) * e.answer[FINGERS_PUSH])
-            if gap - furthest > max(reserve, _KEPT_BACK * gap):
-                e.left[k] = gap - furthest
+            if e.counts[BY_FRAMES]:
+                gap += min(0.0, e.held[k] * e.answer[FINGERS_PUSH])
+            least = max(reserve, _KEPT_BACK * gap)
+            if gap - far > least:
+                e.left[k] = gap - far
             else:
                 near += 1
-    return near
+            if gap - close > least:
+                left_soon[k] = gap - close
+            else:
+                near_soon += 1
+    return near, near_soon
 
 
 @njit(inline="always")
@@ -119,12 +129,17 @@ def held_at_rest(m, s, j: int) -> float:
 
 
 @njit(fastmath=FAST, **INNER)
-def _held_by_those_that_rest(m, s, contact: int, moving: int) -> float:
-    """How far a unit push of the finger holds the modes from number `moving` on at a contact [m/N], as if at rest."""
-    total = 0.0
-    for j in range(moving, m.modes):
-        total += m.shapes[contact, j] * held_at_rest(m, s, j)
-    return total
+def hold_at_rest(c, line: int, held) -> None:
+    """held (≥ modes,): `held_at_rest` of the modes of a line that rest while it goes by frames; End.held of them."""
+    m, s, e = string_model(c.line_model[line]), string_state(c.line_state[line]), end_at(c.line_end[line])
+    first = e.counts[APART_MODES]
+    for j in range(first, m.modes):
+        held[j] = held_at_rest(m, s, j)
+    for k in range(m.shapes.shape[0]):
+        total = 0.0
+        for j in range(first, m.modes):
+            total += m.shapes[k, j] * held[j]
+        e.held[k] = total
 
 
 @njit(cache=True, nogil=True)

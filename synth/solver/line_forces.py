@@ -264,6 +264,7 @@ def answer_by_frames(model: int, state: int, end: int, frame: int, at: int, step
     of what it gives over the frame, and the modes that rest follow at once.
     """
     m, s, e = string_model(model), string_state(state), end_at(end)
+    e.known[LINEAR] = 1
     finger, contacts, path, share = s.finger[0], m.shapes.shape[0], e.path, 1.0 / steps
     gives, at_once = max(0.0, finger.own) * share, max(0.0, s.grip_own[0, BLOCK] - finger.own)
     change = e.finger_moved[0, BLOCK] * share

@@ -35,7 +35,7 @@ from synth.solver.fingers import fill_grip
 from synth.solver.lanes import BLOCK, KQ, KV, P12, P22, padded
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.line_certificates import look_everywhere
-from synth.solver.line_culling import cull, held_at_rest
+from synth.solver.line_culling import cull, held_at_rest, hold_at_rest
 from synth.solver.quick_coefficients import quick_coefficients
 from synth.solver.responses import complete_rows, fill_lags, fill_response, fill_rows
 from synth.solver.stringmodel import MOVING, scratch_of, string_model, string_state
@@ -214,8 +214,9 @@ def go_by_frames(coupling: int, line: int, scratch: int) -> bool:
     c, w = coupling_at(coupling), scratch_of(scratch)
     model, state, end = c.line_model[line], c.line_state[line], c.line_end[line]
     m, s, e = string_model(model), string_state(state), end_at(end)
-    before = e.counts[BY_FRAMES]
+    before, held = e.counts[BY_FRAMES], w.moved[2]
     e.counts[BY_FRAMES] = 1
+    hold_at_rest(c, line, held)
     if m.shapes.shape[0] > 0 and cull(coupling, line, scratch, int(np.int64(BLOCK))) > 0:
         e.counts[BY_FRAMES] = before
         return False
@@ -226,16 +227,16 @@ def go_by_frames(coupling: int, line: int, scratch: int) -> bool:
         quick_coefficients(EXACT_HOLD, m.omega[:n], e.sigma[:n], m.mu, c.frame, e.flight)
         complete_rows(e.flight, padded(n))
         fill_apart(end, w.q, w.v, w.spare)
+        hold_at_rest(c, line, held)
     look_everywhere(end)
     e.counts[ENGAGED] = 1
     residual, finger_at = 0.0, s.finger[0]
     if before:  # what rests is in it already
         finger_at.here -= (s.grip_own[0, BLOCK] - finger_at.own) * finger_at.push
     for j in range(e.counts[APART_MODES], m.modes):  # which follow the finger as if at rest
-        weight = s.finger_weights[j]
-        residual += weight * held_at_rest(m, s, j)
+        residual += s.finger_weights[j] * held[j]
         if j < s.counts[MOVING]:
-            finger_at.here -= weight * s.q[j]
+            finger_at.here -= s.finger_weights[j] * s.q[j]
     finger_at.here += residual * finger_at.push
     _rest_above(c, line)
     # what it does to its end is that of a line that is apart, and what it does in its own steps waits
@@ -260,7 +261,7 @@ def go_by_frames(coupling: int, line: int, scratch: int) -> bool:
         for j in range(n):
             total += abs(m.shapes[k, j]) * q[j]
         for j in range(n, m.modes):
-            total += abs(m.shapes[k, j] * held_at_rest(m, s, j))
+            total += abs(m.shapes[k, j] * held[j])
         s.grip_far[k] = MARGIN * total
     _fill_finger_end(e.flight, n, c.frame, model, state, end, int(np.int64(1)), w.q, w.v, w.spare)
     return True
