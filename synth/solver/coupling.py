@@ -60,8 +60,10 @@ KEPT_BY_THE_REST = 0.9
     RATIO,  # frequency ratio of the bend when the line was last refreshed
     RAISED,  # height that its obstacle was raised by then [m]
     LATELY_RISEN,  # the kicks' part of LATELY [m]
-) = range(16)
-N_NUMBERS = 16
+    LARGEST_SHAPE,  # |φ| of any mode at any contact, at most [1/√m]
+    HELD_REACH,  # how far a unit push of the finger holds the modes that rest by frames at a contact, at most [m/N]
+) = range(18)
+N_NUMBERS = 18
 #: places in End.counts
 (
     ENGAGED,  # whether contacts and finger count
@@ -155,7 +157,6 @@ class End(NamedTuple):
     left: Annotated[
         np.ndarray, f8("contacts")
     ]  # of the gap of each contact that is not certified, > 0: it is passed over [m]
-    held: Annotated[np.ndarray, f8("contacts")]  # where a unit push of the finger holds the modes that rest by frames [m/N]
     few: Annotated[np.ndarray, f8("SETS, FEW*FEW")]  # of each set of contacts, by columns
     sides: Annotated[np.ndarray, f8("4, FEW")]
     drew: Annotated[np.ndarray, f8("BLOCK")]  # pull after the forces of one step, at the ends of its and later frames

@@ -23,8 +23,10 @@ from synth.solver.coupling import (
     CULLING,
     FEW,
     FINGERS_PUSH,
+    HELD_REACH,
     KICK_REACH,
     LARGEST_LEVERAGE,
+    LARGEST_SHAPE,
     LASTS,
     LATELY,
     NEAR,
@@ -97,7 +99,7 @@ def _left_after(c, line: int, whole, soon, height: float, left_soon) -> tuple[in
     contacts are to be looked at in either case."""
     m, s, e = string_model(c.line_model[line]), string_state(c.line_state[line]), end_at(c.line_end[line])
     q, near, near_soon = s.q[: whole.size], 0, 0
-    reserve = _OF_THE_BRIDGE * e.numbers[LATELY]
+    reserve, held = _OF_THE_BRIDGE * e.numbers[LATELY], e.numbers[HELD_REACH] * abs(e.answer[FINGERS_PUSH])
     for k in range(m.shapes.shape[0]):
         e.left[k] = left_soon[k] = 0.0
         if e.clearance[k] <= 0.0 or e.counts[BY_FRAMES]:
@@ -109,7 +111,7 @@ def _left_after(c, line: int, whole, soon, height: float, left_soon) -> tuple[in
                 close += reach * soon[j]
             gap = here + e.leverage[k] * height - s.eta[k]
             if e.counts[BY_FRAMES]:
-                gap += min(0.0, e.held[k] * e.answer[FINGERS_PUSH])
+                gap -= held
             least = max(reserve, _KEPT_BACK * gap)
             if gap - far > least:
                 e.left[k] = gap - far
@@ -130,16 +132,13 @@ def held_at_rest(m, s, j: int) -> float:
 
 @njit(fastmath=FAST, **INNER)
 def hold_at_rest(c, line: int, held) -> None:
-    """held (≥ modes,): `held_at_rest` of the modes of a line that rest while it goes by frames; End.held of them."""
+    """held (≥ modes,): `held_at_rest` of the modes of a line that rest while it goes by frames; HELD_REACH of them."""
     m, s, e = string_model(c.line_model[line]), string_state(c.line_state[line]), end_at(c.line_end[line])
-    first = e.counts[APART_MODES]
-    for j in range(first, m.modes):
+    total = 0.0
+    for j in range(e.counts[APART_MODES], m.modes):
         held[j] = held_at_rest(m, s, j)
-    for k in range(m.shapes.shape[0]):
-        total = 0.0
-        for j in range(first, m.modes):
-            total += m.shapes[k, j] * held[j]
-        e.held[k] = total
+        total += abs(held[j])
+    e.numbers[HELD_REACH] = e.numbers[LARGEST_SHAPE] * total
 
 
 @njit(cache=True, nogil=True)

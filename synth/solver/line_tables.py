@@ -21,8 +21,10 @@ from synth.solver.coupling import (
     FELT_MODES,
     FINGER_LEVERAGE,
     HEARD_MODES,
+    HELD_REACH,
     KICK_REACH,
     LARGEST_LEVERAGE,
+    LARGEST_SHAPE,
     LOOKED_AT,
     RELIEF,
     RESTING,
@@ -146,10 +148,10 @@ def _fill_finger_end(rows, n: int, dt: float, model: int, state: int, end: int, 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
 def fill_reach(model: int, end: int) -> None:
-    """KICK_REACH and LARGEST_LEVERAGE of a line with the frequencies of a model, which `line_certificates` needs, from
-    End.kick and leverage."""
+    """KICK_REACH, LARGEST_LEVERAGE and LARGEST_SHAPE of a line with the frequencies of a model, for bounds of its contacts'
+    motion, from End.kick and leverage."""
     m, e = string_model(model), end_at(end)
-    furthest, largest = 0.0, 0.0
+    furthest, largest, widest = 0.0, 0.0, 0.0
     moved = e.kept[0, : m.modes]  # which holds something within a block only
     for j in range(m.modes):
         moved[j] = abs(e.kick[j]) / m.omega[j]
@@ -157,10 +159,12 @@ def fill_reach(model: int, end: int) -> None:
         total = 0.0
         for j in range(m.modes):
             total += abs(m.shapes[c, j]) * moved[j]
+            widest = max(widest, abs(m.shapes[c, j]))
         furthest = max(furthest, MARGIN * total)
         largest = max(largest, abs(e.leverage[c]))
     e.numbers[KICK_REACH] = furthest
     e.numbers[LARGEST_LEVERAGE] = largest
+    e.numbers[LARGEST_SHAPE] = widest
 
 
 @njit(cache=True, nogil=True)
@@ -260,9 +264,7 @@ def go_by_frames(coupling: int, line: int, scratch: int) -> bool:
         total = 0.0
         for j in range(n):
             total += abs(m.shapes[k, j]) * q[j]
-        for j in range(n, m.modes):
-            total += abs(m.shapes[k, j] * held[j])
-        s.grip_far[k] = MARGIN * total
+        s.grip_far[k] = MARGIN * (total + e.numbers[HELD_REACH])
     _fill_finger_end(e.flight, n, c.frame, model, state, end, int(np.int64(1)), w.q, w.v, w.spare)
     return True
 
