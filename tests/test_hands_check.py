@@ -65,7 +65,22 @@ def test_what_is_found_is_printed_and_written(tmp_path: Path) -> None:
 @pytest.mark.parametrize("wrong", [{"clicks": [(0.5, 4.0)]}, {"silenced": 1}, {"finite": False}])
 def test_a_click_a_silenced_string_or_no_number_is_no_success(tool: ModuleType, wrong: dict) -> None:
     fine = dict(
-        preset="a", articulations=1, clicks=[], steps_found=1, steps=1, sharp=0, strokes=1, peak_db=0.0, finite=True,
-        silenced=0, times_real_time=1.0, median=0.1, worst=2.0, worst_at_s=0.0, worst_in="normal",
+        preset="a", articulations=1, clicks=[], collisions=0, steps_found=1, steps=1, sharp=0, strokes=1, peak_db=0.0,
+        finite=True, silenced=0, times_real_time=1.0, median=0.1, worst=2.0, worst_at_s=0.0, worst_in="normal",
     )  # fmt: skip
     assert tool.Checked(**fine).good and not tool.Checked(**(fine | wrong)).good
+
+
+def test_a_string_on_its_fingerboard_is_a_collision_and_a_step_of_the_engine_a_click(tool: ModuleType) -> None:
+    """The collision is one that `fine` has, too; a step put in elsewhere is not, nor what is sharp as a key goes down."""
+    preset = load_preset("flatwound-fretless")
+    rows, _, _ = tool.events_of(preset, 0.8)
+    rows = [row for row in rows if row[0] < 1.7 * tool.RATE_HZ]
+    sound, _, _ = tool.play(preset, rows, 1.7, 128, 1)
+    strokes = tool.strokes_of(preset, rows)
+    near = tool.AFTER_KEY_S * tool.RATE_HZ
+    heard = [each for each in tool.clicks(sound, tool.RATE_HZ) if not any(a <= each[0] < b for a, b in strokes)]
+    heard = [each for each in heard if not any(abs(each[0] - row[0]) <= near for row in rows)]
+    assert heard
+    put_in, at_key = (round(1.3 * tool.RATE_HZ), 9.0), (rows[-1][0], 9.0)
+    assert tool.collisions_of(preset, rows, 128, sorted([*heard, put_in, at_key])) == heard
