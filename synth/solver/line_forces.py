@@ -272,18 +272,21 @@ def answer_by_frames(model: int, state: int, end: int, frame: int, at: int, step
     drift = (e.u[contacts, frame] - string) * share + change * turn
     drag = finger.resistance * steps / dt
     blend = finger.stiffness + drag
-    stiff = 1.0 / (gives + at_once + 1.0 / blend) / blend
-    here, steeper, here_steeper, push, slope = finger.here, 0.0, 0.0, 0.0, 0.0
+    stiff = 1.0 / ((gives + at_once) * blend + 1.0)
+    # of what the string is before a step and of the push then, what pushes in it: a chain of two products a step
+    of_string, of_push = (drag - blend) * stiff, drag * at_once * stiff
+    of_drift, of_change = blend * stiff * drift, blend * stiff * change
+    force, push, more, slope, steeper = finger.push, 0.0, 0.0, 0.0, 0.0
     for t in range(at, at + steps):
-        string += drift
-        steeper += change
-        target = finger.stiffness * path[t + 1] + drag * (path[t + 1] - path[t] + here)
-        force, more = (target - blend * string) * stiff, (drag * here_steeper - blend * steeper) * stiff
-        string += gives * force
-        steeper += gives * more
-        here, here_steeper = string + at_once * force, steeper + at_once * more
-        push += force * share
-        slope += more * share
+        target = stiff * (finger.stiffness * path[t + 1] + drag * (path[t + 1] - path[t])) - of_drift
+        force = target + of_string * string + of_push * force
+        string += drift + gives * force
+        push += force
+        more = of_string * steeper + of_push * more - of_change
+        steeper += change + gives * more
+        slope += more
+    push *= share
+    slope *= share
     e.forces[contacts, frame], e.slopes[contacts, frame] = push, slope
     return e.finger_reach[0, 0] * push, e.finger_reach[0, 0] * slope
 
