@@ -3,4 +3,4 @@ newest entry of CHANGELOG.md) is compared with this by a test."""
 
 __version__ = "0.20.0"
 #: year-month-day
-DATE = "2026-11-27"
+DATE = "2026-11-28"
