@@ -108,7 +108,7 @@ ANSWERS: tuple[Answer, ...] = (
     Answer(_PICK, "the bass played with a plectrum, else the fretted bass"),
     Answer(_FRETLESS, "the fretless bass itself"),
     Answer(_SLAP, "the bass that is slapped: the thumb is its normal stroke"),
-    Answer(_SLAP, "the bass that is slapped, with a pop where there is one", articulations=("pop",), gain_db=6.9),
+    Answer(_SLAP, "the bass that is slapped, with a pop where there is one", articulations=("pop",), gain_db=3.5),
     Answer(_FINGER, "an oscillator in the bass: the fretted bass plays its notes", string=False),
     Answer(_FRETLESS, "an oscillator in the bass: the fretless bass plays its notes", string=False),
     *(Answer(_CONCERT, _BOWED, string=False) for _ in range(40, 43)),

@@ -174,6 +174,6 @@ def test_what_has_no_plan(name: str) -> None:
 def test_strokes_of_their_own_are_held_to() -> None:
     slap = load_preset("slap-bass")
     own = [each.articulation for each in other_strokes(slap) if each.articulation is not None]
-    assert [each.position for each in own] == [0.2]  # pop: normal is measured, finger is [pluck], the others are damped
+    assert [each.position for each in own] == [0.25]  # pop: normal is measured, finger is [pluck], the others are damped
     (first, *_) = measured_strings(slap)
     assert isinstance(first, OneString) and first.notes == list(range(28, 49))
