@@ -258,7 +258,7 @@ def test_fretless_converges_in_nodes_and_rate() -> None:
     assert errors[1] < 0.01
 
 
-def looked_at_everywhere(run: wall.Run) -> wall.Run:
+def looked_at_everywhere(run: wall.WallRun) -> wall.WallRun:
     """The same run with bounds so large that no instant is passed over and no certificate given."""
     return run._replace(clearance=run.clearance._replace(margin=1e300))
 

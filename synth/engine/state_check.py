@@ -14,7 +14,7 @@ import numpy as np
 
 from synth.engine.bank import Strings
 from synth.engine.layout import Bank, Settings, State
-from synth.engine.state_limits import Limit, Words, limits_of
+from synth.engine.state_limits import Limit, StateWords, limits_of
 
 
 def check_state(
@@ -68,6 +68,6 @@ def _look(limit: Limit, arrays: Mapping[str, np.ndarray]) -> None:
     )
 
 
-def _values(words: Words, arrays: Mapping[str, np.ndarray]) -> np.ndarray:
+def _values(words: StateWords, arrays: Mapping[str, np.ndarray]) -> np.ndarray:
     array = arrays[words.array]
     return (array[words.field] if words.field else array).reshape(-1)[words.places]

@@ -62,7 +62,7 @@ _LEAST_INTEGER, _MOST_INTEGER = -(1 << 63), (1 << 63) - 1
 OF_ANOTHER_STRING = "{label} is {value}, which belongs to another string"
 
 
-class Words(NamedTuple):
+class StateWords(NamedTuple):
     """Elements of an array of the state by their places in it, counted through all its axes; of records, a field of each."""
 
     array: str
@@ -73,7 +73,7 @@ class Words(NamedTuple):
 class Where(NamedTuple):
     """Where a limit holds: these words, one for all or one each, taken for integers lie between low and high, included."""
 
-    words: Words
+    words: StateWords
     low: int
     high: int
 
@@ -87,11 +87,11 @@ class Limit(NamedTuple):
     said          how a refusal says it, of label, low, high and value
     """
 
-    words: Words
+    words: StateWords
     low: Any
     high: Any
-    above: Words | None = None
-    below: Words | None = None
+    above: StateWords | None = None
+    below: StateWords | None = None
     where: tuple[Where, ...] = ()
     multiple: int = 1
     said: str = "{label} must lie between {low} and {high}, got {value}"
@@ -108,17 +108,17 @@ class _Layout:
     def __init__(self, arrays: Mapping[str, np.ndarray]) -> None:
         self._arrays = arrays
 
-    def of(self, array: str, field: str = "", places: Any = None) -> Words:
+    def of(self, array: str, field: str = "", places: Any = None) -> StateWords:
         """Words of an array; all of them, unless places are given."""
         every = np.arange(self._arrays[array].size) if places is None else np.atleast_1d(np.asarray(places))
-        return Words(array, field, every)
+        return StateWords(array, field, every)
 
     def all_of(self, array: str, *rows: tuple[str, Any, Any]) -> Iterator[Limit]:
         """Limits of fields, (field, low, high) each."""
         for field, low, high in rows:
             yield Limit(self.of(array, field), low, high)
 
-    def counter(self, number: int) -> Words:
+    def counter(self, number: int) -> StateWords:
         return self.of("counters", "", number)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from synth.fit.recording import FitRefused, Note
+from synth.fit.recording import FitRefused, RecordedNote
 
 #: seconds that are looked at, of each frame (half over each other)
 SECONDS, FRAME_S = 2.3, 0.0232
@@ -24,7 +24,7 @@ WITHIN_DB, DEEP_DB = 70.0, 20.0
 MOST_HOLES = 0.003
 
 
-def holes(note: Note) -> float:
+def holes(note: RecordedNote) -> float:
     """Share of the short pieces of bands that are holes."""
     x = note.samples[: round(SECONDS * note.rate_hz)]
     size = round(FRAME_S * note.rate_hz)
@@ -42,7 +42,7 @@ def holes(note: Note) -> float:
     return float(deep.sum() / max(1, heard.sum()))
 
 
-def refuse_holes(note: Note) -> None:
+def refuse_holes(note: RecordedNote) -> None:
     """Raises FitRefused for a recording that a codec has damaged."""
     share = holes(note)
     if share > MOST_HOLES:

@@ -24,7 +24,7 @@ from synth.fit.contact_model import Bridge, ContactStroke, Grid
 from synth.fit.contact_observed import seen_of
 from synth.fit.contact_search import evolve, starts_of
 from synth.fit.contact_space import Estimate, asked, estimates, with_inner
-from synth.fit.recording import FitCancelled, FitRefused, Note, Progress, cut_note
+from synth.fit.recording import FitCancelled, FitRefused, Progress, RecordedNote, cut_note
 
 Real = NDArray[np.float64]
 #: a loss beyond that is another model's [pseudo-Huber units: 1 is 3 dB]
@@ -130,7 +130,7 @@ def fit_note(search: Search, samples: ArrayLike, rate_hz: float, *, progress: Pr
 
 
 class _Fitting:
-    def __init__(self, search: Search, note: Note, seen: Observed, done: Callable[[float], None]) -> None:
+    def __init__(self, search: Search, note: RecordedNote, seen: Observed, done: Callable[[float], None]) -> None:
         self.search, self.note, self.done = search, note, done
         self.seen = seen.first(seen.bands.windows(search.seconds))
         self.before = search.evaluations

@@ -21,7 +21,7 @@ from synth.fit.contact_search import NOTES
 from synth.fit.contact_space import Estimate, estimates
 from synth.fit.estimate import fit_recording
 from synth.fit.pitch import find_series
-from synth.fit.recording import FitRefused, Note, Progress, cut_note
+from synth.fit.recording import FitRefused, Progress, RecordedNote, cut_note
 from synth.fit.settings import apply_settings, nearest_string, settings
 from synth.instrument.compile import note_frequency, string_frequency
 from synth.instrument.preset import Preset, at_note
@@ -115,7 +115,7 @@ def tuned_model(preset: Preset, index: int, recordings: Sequence[Recording]) -> 
     ]
 
 
-def _pitch(note: Note, wanted_hz: float) -> float:
+def _pitch(note: RecordedNote, wanted_hz: float) -> float:
     """First partial of a note [Hz]: of the series that explains it best, or, where that is another than the string's or
     none, of the string's own if that is there with odd partials too, so that it is not an octave's. Raises FitRefused."""
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synth.fit.contact_features import ContactBands, Observed, bands_of, observe
-from synth.fit.recording import FitRefused, Note
+from synth.fit.recording import FitRefused, RecordedNote
 from synth.physics.string import String
 
 Real = NDArray[np.float64]
@@ -17,7 +17,7 @@ Real = NDArray[np.float64]
 LEAST_S = 2.0
 
 
-def seen_of(string: String, note: Note) -> Observed:
+def seen_of(string: String, note: RecordedNote) -> Observed:
     """Features of a note with some of what stands before it. Raises FitRefused where it is too short."""
     seconds = note.samples.size / note.rate_hz
     if seconds < LEAST_S:

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from synth.fit.losses import Losses, fit_losses
-from synth.fit.partials import Measured, Stretch, measure_partials
+from synth.fit.partials import MeasuredPartial, Stretch, measure_partials
 from synth.fit.pitch import find_series
-from synth.fit.pluck import CLEAR_DB, Pluck, fit_pluck
-from synth.fit.recording import FitCancelled, FitRefused, Note, Progress, cut_note
+from synth.fit.pluck import CLEAR_DB, FittedPluck, fit_pluck
+from synth.fit.recording import FitCancelled, FitRefused, Progress, RecordedNote, cut_note
 from synth.units import LN_1000, cents, gain_to_db
 
 #: partials further from the law, in frequency [cents] and in decay time [relative], are the string's own: as measured
@@ -53,7 +53,7 @@ class Partial:
     frequency_source: str
     decay_source: str
     cents: float | None
-    measured: Measured | None
+    measured: MeasuredPartial | None
 
     @property
     def level_db(self) -> float | None:
@@ -78,7 +78,7 @@ class Fit:
     inharmonicity: float
     stretch: Stretch
     losses: Losses
-    pluck: Pluck | None
+    pluck: FittedPluck | None
     partials: tuple[Partial, ...]
     onset_s: float
     duration_s: float
@@ -148,7 +148,7 @@ def fit_recording(
     )
 
 
-def _partials(found: list[Measured], stretch: Stretch, losses: Losses) -> tuple[Partial, ...]:
+def _partials(found: list[MeasuredPartial], stretch: Stretch, losses: Losses) -> tuple[Partial, ...]:
     by_number = {p.number: p for p in found}
     count = max(JUDGED, max(by_number))
     law_hz = stretch.frequencies_hz(np.arange(1, count + 1))
@@ -176,12 +176,12 @@ def _partials(found: list[Measured], stretch: Stretch, losses: Losses) -> tuple[
     return tuple(result)
 
 
-def _off(stretch: Stretch, p: Measured) -> float:
+def _off(stretch: Stretch, p: MeasuredPartial) -> float:
     """The law's frequency above the measured one [cents]."""
     return cents(float(stretch.frequencies_hz(p.number)), p.hz)
 
 
-def _beside_law(p: Measured, t60_s: float) -> bool:
+def _beside_law(p: MeasuredPartial, t60_s: float) -> bool:
     """Whether a partial's decay is told by the recording, and is not the law's."""
     if p.decay <= 0.0 or p.decay_error > (_STEADY_NOISE if p.single else 1.0) * p.decay:
         return False
@@ -190,7 +190,7 @@ def _beside_law(p: Measured, t60_s: float) -> bool:
     return abs(t60_s / p.t60_s - 1.0) > slack
 
 
-def _model(found: list[Measured], t: NDArray[np.float64], x: NDArray[np.float64]) -> float:
+def _model(found: list[MeasuredPartial], t: NDArray[np.float64], x: NDArray[np.float64]) -> float:
     """Share of x explained by the best combination of the measured damped sinusoids."""
     columns = []
     for p in found:
@@ -202,7 +202,7 @@ def _model(found: list[Measured], t: NDArray[np.float64], x: NDArray[np.float64]
     return 1.0 - float(left @ left) / max(float(x @ x), 1e-300)
 
 
-def _explained(note: Note, found: list[Measured]) -> float:
+def _explained(note: RecordedNote, found: list[MeasuredPartial]) -> float:
     """Of a quarter of a second a little behind the onset."""
     begin, count = round(0.05 * note.rate_hz), round(0.25 * note.rate_hz)
     x = note.samples[begin : begin + count]
@@ -211,7 +211,7 @@ def _explained(note: Note, found: list[Measured]) -> float:
     return _model(found, t, x)
 
 
-def _noise_floor_dbfs(note: Note, found: list[Measured]) -> float:
+def _noise_floor_dbfs(note: RecordedNote, found: list[MeasuredPartial]) -> float:
     """Before the onset where there is something, else from between the partials."""
     if note.noise_rms > 0.0:
         return gain_to_db(note.noise_rms)
@@ -219,7 +219,7 @@ def _noise_floor_dbfs(note: Note, found: list[Measured]) -> float:
     return first.level_db - first.snr_db
 
 
-def _refuse_what_is_no_string(found: list[Measured], stretch: Stretch, explained: float, f0_hz: float) -> None:
+def _refuse_what_is_no_string(found: list[MeasuredPartial], stretch: Stretch, explained: float, f0_hz: float) -> None:
     strong = sorted(found, key=lambda p: -p.level_db)[:8]
     if explained < _LEAST_EXPLAINED:
         raise FitRefused(
@@ -249,7 +249,9 @@ def _refuse_what_is_no_string(found: list[Measured], stretch: Stretch, explained
         )
 
 
-def _warnings(found: list[Measured], stretch: Stretch, losses: Losses, pluck: Pluck | None, explained: float) -> list[str]:
+def _warnings(
+    found: list[MeasuredPartial], stretch: Stretch, losses: Losses, pluck: FittedPluck | None, explained: float
+) -> list[str]:
     words = []
     low = [p for p in found if p.number <= JUDGED]
     missing = sorted(set(range(1, JUDGED + 1)) - {p.number for p in low})

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from synth.fit.contact_features import ABOVE_DB, HUBER_DB, OFFSET_DB, OFFSET_WEIGHT, ContactBands, huber
 from synth.fit.contact_observed import quiet_power
-from synth.fit.recording import FitRefused, Note
+from synth.fit.recording import FitRefused, RecordedNote
 
 Real = NDArray[np.float64]
 #: seconds that are compared: contact is over after a tenth of one
@@ -48,7 +48,7 @@ class Heard:
         return Heard(self.bands, self.level_db[chosen], self.clean_db[chosen], self.noise, self.counts[chosen])
 
 
-def hear(note: Note, bands: ContactBands) -> Heard:
+def hear(note: RecordedNote, bands: ContactBands) -> Heard:
     """Features of a note. Raises FitRefused where it is too short."""
     seconds = note.samples.size / note.rate_hz
     if seconds < LEAST_S:

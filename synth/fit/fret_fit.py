@@ -21,7 +21,7 @@ from synth.fit.fret_linear import Linear, first_linear, next_linear
 from synth.fit.fret_model import RATE_HZ, FretHand, FretModel, measured_fret
 from synth.fit.fret_search import Minimum, Touching, minima
 from synth.fit.pitch import find_series
-from synth.fit.recording import FitCancelled, FitRefused, Note, Progress, cut_note
+from synth.fit.recording import FitCancelled, FitRefused, Progress, RecordedNote, cut_note
 from synth.instrument.compile import note_frequency
 from synth.instrument.preset import FretsObstacle, Preset, fret_count
 from synth.units import cents
@@ -120,7 +120,7 @@ def fit_frets(
         return _Fitting(model, notes, list(amplitudes_mm), position, progress).result(preset, index)
 
 
-def _fret_of(preset: Preset, index: int, notes: Sequence[Note]) -> tuple[int, float]:
+def _fret_of(preset: Preset, index: int, notes: Sequence[RecordedNote]) -> tuple[int, float]:
     """At which fret the recordings are stopped, and by how much they are sharp [cents]. Raises FitRefused."""
     table = preset.string[index]
     found = []
@@ -152,7 +152,7 @@ class _Fitting:
     def __init__(
         self,
         model: FretModel,
-        notes: list[Note],
+        notes: list[RecordedNote],
         amplitudes: list[float],
         position: float | None,
         progress: Progress,

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from synth.fit.partials import Measured, Stretch
+from synth.fit.partials import MeasuredPartial, Stretch
 from synth.physics.modes import model_decay_rates
 from synth.physics.string import String
 
@@ -65,7 +65,7 @@ def loss_terms(stretch: Stretch, n: int) -> NDArray[np.float64]:
     return np.stack([drag, rates(1.0, 0.0, 0.0) - drag, rates(tiny, 1.0, 0.0) - drag, rates(tiny, 0.0, 1.0) - drag], axis=1)
 
 
-def fit_losses(found: list[Measured], stretch: Stretch) -> Losses:
+def fit_losses(found: list[MeasuredPartial], stretch: Stretch) -> Losses:
     """Bounded least squares of the relative errors of σ, those of partials far beside the law counting less."""
     use = [p for p in found if p.decay > 0.0 and p.steady]
     if len(use) < 3:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from synth.fit.exponential import Bands, fit_exponential, fit_level_line
 from synth.fit.pitch import Series
-from synth.fit.recording import FitRefused, Note
+from synth.fit.recording import FitRefused, RecordedNote
 from synth.units import LN_1000, gain_to_db
 
 MOST_PARTIALS = 60
@@ -41,7 +41,7 @@ _LEAST_RANGE_DB = 10.0
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredPartial:
     """One partial as measured.
 
     hz, hz_error            frequency and its standard error: the exponential's, or the average over the time of that line
@@ -89,8 +89,8 @@ class Stretch:
 
 
 def measure_partials(
-    note: Note, series: Series, done: Callable[[float], None] = lambda _: None, most: int = MOST_PARTIALS
-) -> tuple[list[Measured], Stretch]:
+    note: RecordedNote, series: Series, done: Callable[[float], None] = lambda _: None, most: int = MOST_PARTIALS
+) -> tuple[list[MeasuredPartial], Stretch]:
     """The partials that stand out, up to number `most`, and what their frequencies say.
 
     done(0 … 1) is called before each of them.  Raises FitRefused with fewer than four."""
@@ -99,7 +99,7 @@ def measure_partials(
     except ValueError as error:
         raise FitRefused(f"{error}; record one pluck and let it ring") from None
     stretch = Stretch(series.f0_hz, series.inharmonicity, 0.0, 0.0, 0.0)
-    found: list[Measured] = []
+    found: list[MeasuredPartial] = []
     missed = 0
     for n in range(1, most + 1):
         done((n - 1) / most)
@@ -124,7 +124,7 @@ def measure_partials(
     return found, fit_stretch(found)
 
 
-def _measure(bands: Bands, note: Note, number: int, expected_hz: float) -> Measured | None:
+def _measure(bands: Bands, note: RecordedNote, number: int, expected_hz: float) -> MeasuredPartial | None:
     t, y = bands.envelope(expected_hz)
     noise = _noise_beside(bands, expected_hz)
     over = _end(t, y, noise)
@@ -157,7 +157,7 @@ def _measure(bands: Bands, note: Note, number: int, expected_hz: float) -> Measu
         decay_error = decay_error if line.range_db > _LEAST_RANGE_DB else math.inf
         steady = fit.misfit < _MOST_MISFIT
     steady = steady and decay > 0.0 and decay_error < (_STEADY if single else _STEADY_LINE) * decay
-    return Measured(
+    return MeasuredPartial(
         number, expected_hz + shift, shift_error, level, level_error, decay, decay_error, snr, fit.misfit, single, steady
     )
 
@@ -187,7 +187,7 @@ def _end(t: NDArray[np.float64], y: NDArray[np.complex128], noise: float) -> int
     return max(8, int(over[0]) + ahead // 10 if over.size else t.size)
 
 
-def _quick_stretch(found: list[Measured], before: Stretch) -> Stretch:
+def _quick_stretch(found: list[MeasuredPartial], before: Stretch) -> Stretch:
     """The law so far, to look for the next partial; B is left alone until enough of them are there."""
     if len(found) < 6:
         f = float(np.median([p.hz / float(before.frequencies_hz(p.number)) for p in found]))
@@ -195,7 +195,7 @@ def _quick_stretch(found: list[Measured], before: Stretch) -> Stretch:
     return fit_stretch(found)
 
 
-def fit_stretch(found: list[Measured], rounds: int = 12) -> Stretch:
+def fit_stretch(found: list[MeasuredPartial], rounds: int = 12) -> Stretch:
     """f0 and B ≥ 0 of measured partials by iterated weighted least squares."""
     n = np.array([p.number for p in found], dtype=np.float64)
     f = np.array([p.hz for p in found])

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from synth.dsp.measures import spectrum
-from synth.fit.recording import HIGHEST_HZ, LOWEST_HZ, FitRefused, Note, refuse_slow
+from synth.fit.recording import HIGHEST_HZ, LOWEST_HZ, FitRefused, RecordedNote, refuse_slow
 
 #: the part of the note whose spectrum is looked at, from a little after its onset
 BEGIN_S, SPAN_S = 0.02, 1.2
@@ -62,7 +62,7 @@ class Peaks:
     resolution_hz: float
 
 
-def find_series(note: Note, expected_hz: float | None = None, *, moved_cents: float = 0.0) -> Series:
+def find_series(note: RecordedNote, expected_hz: float | None = None, *, moved_cents: float = 0.0) -> Series:
     """The series of a note. expected_hz: its pitch within half an octave, if it is known. moved_cents: by so much a contact
     may move a partial beside the series, and what lies within is no second note's. Raises FitRefused."""
     begin = round(BEGIN_S * note.rate_hz)

@@ -29,7 +29,7 @@ _NEAREST = 0.02
 
 
 @dataclass(frozen=True)
-class Pluck:
+class FittedPluck:
     """position: distance from the nearer end as a share of L.  error: half the width of what fits nearly as well (3σ).
 
     determined: whether the levels tell the place.  spread_db: rms beside the model.
@@ -58,7 +58,9 @@ def _comb_db(numbers: NDArray[np.int64], positions: NDArray[np.float64]) -> NDAr
     return 10.0 * np.log10(sine**2 + _NODE**2)
 
 
-def fit_pluck(numbers: NDArray[np.int64], levels_db: NDArray[np.float64], errors_db: NDArray[np.float64]) -> Pluck | None:
+def fit_pluck(
+    numbers: NDArray[np.int64], levels_db: NDArray[np.float64], errors_db: NDArray[np.float64]
+) -> FittedPluck | None:
     """The place of plucking from levels (n,) with their errors (n,) [dB]; None with too few partials."""
     if numbers.size < LEAST_PARTIALS:
         return None
@@ -82,7 +84,7 @@ def fit_pluck(numbers: NDArray[np.int64], levels_db: NDArray[np.float64], errors
     trend = np.zeros(4)
     trend[: terms.shape[1]] = trends[best]
     determined = error < _MOST_ERROR and scale < _MOST_SPREAD_DB and position > _NEAREST
-    return Pluck(position, error, determined, float(scale), (trend[0], trend[1], trend[2], trend[3]))
+    return FittedPluck(position, error, determined, float(scale), (trend[0], trend[1], trend[2], trend[3]))
 
 
 def _profile(

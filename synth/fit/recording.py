@@ -47,7 +47,7 @@ class FitRefused(ValueError):
 
 
 @dataclass(frozen=True)
-class Note:
+class RecordedNote:
     """One note cut out of a recording.
 
     samples    (n,) from the onset on, mean removed
@@ -106,7 +106,7 @@ def _check_rate(rate_hz: float) -> None:
         )
 
 
-def cut_note(samples: ArrayLike, rate_hz: float) -> Note:
+def cut_note(samples: ArrayLike, rate_hz: float) -> RecordedNote:
     """The first note of a recording, (n,) or (n, channels), full scale 1. Raises FitRefused."""
     _check_rate(rate_hz)
     x, warnings = _one_channel(samples, rate_hz)
@@ -133,7 +133,7 @@ def cut_note(samples: ArrayLike, rate_hz: float) -> Note:
     before = x[: max(0, begin - round(0.02 * rate_hz))]
     noise = float(np.std(before)) if before.size > 0.05 * rate_hz else 0.0
     note = x[begin:end]
-    return Note(note - note.mean(), rate_hz, begin / rate_hz, peak_db, noise, tuple(warnings), before)
+    return RecordedNote(note - note.mean(), rate_hz, begin / rate_hz, peak_db, noise, tuple(warnings), before)
 
 
 def _one_channel(samples: ArrayLike, rate_hz: float) -> tuple[NDArray[np.float64], list[str]]:

@@ -18,7 +18,7 @@ from synth.engine import layout
 from synth.engine.bank import default_parameters
 from synth.engine.effect_chains import Placed
 from synth.engine.engine import Engine
-from synth.engine.state_limits import Limit, Words, limits_of
+from synth.engine.state_limits import Limit, StateWords, limits_of
 from synth.plugin.addresses import Memory
 
 NONE = 0xFFFFFFFF
@@ -109,12 +109,12 @@ def _of_effect(placed: Placed) -> Iterator[Limit]:
         raise ValueError(f"a state of the effect {placed.effect.kind} is accessible in Python only")
 
 
-def _words(placed: Placed, name: str) -> Words:
+def _words(placed: Placed, name: str) -> StateWords:
     """All words of an array of an effect's state."""
     k = placed.at_rest._fields.index(name)
     rest = placed.at_rest[k]
     array = "effect_numbers" if rest.dtype.kind == "f" else "effect_counts"
-    return Words(array, "", placed.places[k] + np.arange(rest.size))
+    return StateWords(array, "", placed.places[k] + np.arange(rest.size))
 
 
 class _Writer:
@@ -183,7 +183,7 @@ class _Writer:
             self._conditions += conditions
         return self._runs[conditions]
 
-    def _places(self, words: Words, count: int) -> np.ndarray:
+    def _places(self, words: StateWords, count: int) -> np.ndarray:
         """(count,) where words lie."""
         array = self._arrays[words.array]
         first = 0
@@ -192,7 +192,7 @@ class _Writer:
             first = int(array.dtype.fields[words.field][1])
         return np.broadcast_to(self._at[words.array] + first + array.itemsize * words.places.astype(np.int64), count)
 
-    def _kind(self, words: Words) -> int:
+    def _kind(self, words: StateWords) -> int:
         dtype = self._arrays[words.array].dtype
         dtype = dtype[words.field] if words.field else dtype
         return {"f8": NUMBER, "i8": INTEGER, "u1": BYTE}[dtype.str[1:]]

@@ -38,7 +38,7 @@ from synth.solver.study import (
     BLOCKS,
     COUNTS,
     SUMS,
-    Study,
+    RunTables,
     advance_study,
     write_output,
 )
@@ -197,7 +197,7 @@ class Run:
         return {name: table(getattr(self, name)) for name in ("state", "blocks", "watching")}
 
     def study(self, model: Model, path: np.ndarray, heights: np.ndarray) -> tuple[np.ndarray, Any]:
-        """The table of a Study, and what must be kept as long as it is in use."""
+        """The table of RunTables, and what must be kept as long as it is in use."""
         stepping = self.stepping._replace(path=path)
         parting = stepping._replace(record=self.part_records.reshape(-1))
         kept = self.tables | {"stepping": table(stepping), "parting": table(parting)}
@@ -214,7 +214,7 @@ class Run:
             "before",
             "risen",
         )
-        study = Study(
+        study = RunTables(
             **addresses,
             parts=model.parts,
             in_blocks=int(model.in_blocks),

@@ -41,7 +41,7 @@ BLOCKS = 64
 ENERGY_COLUMNS = ("stored", "residual", "viscous", "contact", "injected")
 
 
-class Study(NamedTuple):
+class RunTables(NamedTuple):
     """What the kernels of a run work with: addresses of models, of the state and of what they step with, results."""
 
     watched: int
@@ -70,7 +70,7 @@ class Study(NamedTuple):
     risen: Annotated[np.ndarray, f8("1")]
 
 
-study_of = opener(Study)
+study_of = opener(RunTables)
 
 
 @njit(cache=True, nogil=True)
@@ -312,8 +312,8 @@ def _rise(study: int, before: float, after: float) -> None:
 
         0 ≤ (S v⁺ − w⁺) + e (S v − w⁻)  ⊥  p ≥ 0,   active where the gap now, or predicted with S v − w⁻, is closed.
 
-    For the kernel that is restitution 1 (Study.lifted) after the velocity e (S v − w⁻) − w⁺, over heights that leave the gap
-    the same. `_risen` belongs behind the step.
+    For the kernel that is restitution 1 (RunTables.lifted) after the velocity e (S v − w⁻) − w⁺, over heights that leave the
+    gap the same. `_risen` belongs behind the step.
     """
     r = study_of(study)
     m, s = string_model(r.whole), string_state(r.state)

@@ -44,7 +44,7 @@ METHODS: dict[str, int] = {
     "scalar-auxiliary-variable": SCALAR,
 }
 
-# places in State.sums and State.counts
+# places in TwoStepState.sums and TwoStepState.counts
 _STORED, _POTENTIAL, _VISCOUS, _CONTACT, _INITIAL, _RISE, _DEPTH, _DRIFT, _LEAST_FORCE = range(9)
 _STEPS, _ROW, _PHASE, _LAST, _TOUCHED, _UNSOLVED, _ITERATIONS, _MOST = range(8)
 
@@ -61,7 +61,7 @@ class Law:
     correction: float = 0.0  # κ of `sav`
 
 
-class Model(NamedTuple):
+class TwoStepModel(NamedTuple):
     """What does not change over a run: N modes, C contacts, P outputs, M nodes of the full grid (0: contacts only)."""
 
     method: int
@@ -85,7 +85,7 @@ class Model(NamedTuple):
     nodes: np.ndarray  # (C,) int64 the contacts' nodes
 
 
-class State(NamedTuple):
+class TwoStepState(NamedTuple):
     """A run at a grid time."""
 
     q: np.ndarray  # (N,)
@@ -131,7 +131,7 @@ def _viscous(lossy, old_w, w) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _held(model: Model, state: State) -> float:
+def _held(model: TwoStepModel, state: TwoStepState) -> float:
     """The energy that the contacts hold over the step that ends now [J]."""
     total = 0.0
     if model.method == NEWTON:
@@ -145,7 +145,7 @@ def _held(model: Model, state: State) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _write_row(model: Model, state: State) -> None:
+def _write_row(model: TwoStepModel, state: TwoStepState) -> None:
     row, steps = state.counts[_ROW], state.counts[_PHASE]
     for p in range(model.out_shapes.shape[0]):
         state.u[row, p] = dot(model.out_shapes[p], state.q)
@@ -163,7 +163,7 @@ def _write_row(model: Model, state: State) -> None:
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
-def _advance_one(model: Model, state: State, n_steps: int, every: int) -> None:
+def _advance_one(model: TwoStepModel, state: TwoStepState, n_steps: int, every: int) -> None:
     """`_advance` with one contact and no ledger: scalars, and the force of a step enters in the pass of the next."""
     coef, eta, matrix, dt = model.coef, model.eta[0], model.compliance, model.dt
     method, stiffness, exponent, loss = model.method, model.stiffness, model.exponent, model.loss
@@ -250,7 +250,7 @@ def _advance_one(model: Model, state: State, n_steps: int, every: int) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _advance(model: Model, state: State, n_steps: int, every: int) -> None:
+def _advance(model: TwoStepModel, state: TwoStepState, n_steps: int, every: int) -> None:
     contacts, nodes = model.eta.size, model.grid.shape[0]
     coef, shapes, eta, compliance, dt = model.coef, model.shapes, model.eta, model.compliance, model.dt
     q, w, before, now, force, totals = state.q, state.w, state.before, state.now, state.force, state.totals
@@ -338,7 +338,7 @@ def _advance(model: Model, state: State, n_steps: int, every: int) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _weigh(model: Model, state: State, worked: float) -> None:
+def _weigh(model: TwoStepModel, state: TwoStepState, worked: float) -> None:
     """A step's place in the ledger; losses are computed from their own formulas, not from what is missing."""
     sums = state.sums
     now = stored(MOREAU_JEAN_FILTERED, model.omega, model.factor, model.mu, model.dt, state.q, state.w)
@@ -352,7 +352,7 @@ def _weigh(model: Model, state: State, worked: float) -> None:
 
 def make_model(
     problem: Problem, method: str, law: Law, grid: np.ndarray | None = None, nodes: np.ndarray | None = None
-) -> Model:
+) -> TwoStepModel:
     """The model of a problem; grid (M, N) and nodes (C,) where S spans the full grid, the contacts at its nodes.
 
     The shapes of the contacts are then those of their nodes, whatever the problem says.
@@ -370,7 +370,7 @@ def make_model(
     else:
         grid = np.ascontiguousarray(grid, dtype=np.float64)
         shapes = np.ascontiguousarray(grid[nodes])
-    return Model(
+    return TwoStepModel(
         METHODS[method], law.stiffness, law.exponent, law.loss, law.tolerance, law.iterations, law.correction,
         problem.dt, problem.mu, omega, 2.0 * filter_ / (1.0 + e),
         -problem.mu * np.expm1(-2.0 * sigma * problem.dt) / filter_, coef, shapes,
@@ -378,13 +378,13 @@ def make_model(
     )  # fmt: skip
 
 
-def start(problem: Problem, model: Model, ledger: bool) -> State:
+def start(problem: Problem, model: TwoStepModel, ledger: bool) -> TwoStepState:
     """A run after its first step, rows 0 (and 1) written; f⁰ of row 0 is K [g⁰]₊^α."""
     n, contacts = model.omega.size, model.eta.size
     k, alpha = model.stiffness, model.exponent
     q0, v0 = (np.array(a, dtype=np.float64) for a in (problem.q, problem.v))
     rows = problem.steps // problem.every + 1
-    state = State(
+    state = TwoStepState(
         q=q0.copy(),
         w=np.zeros(n),
         before=model.eta - model.shapes @ q0,
@@ -449,7 +449,7 @@ def start(problem: Problem, model: Model, ledger: bool) -> State:
 _CARRIED = ("q", "w", "before", "now", "force", "psi")
 
 
-def resume(problem: Problem, model: Model, ledger: bool, kept: Mapping[str, np.ndarray], first: int) -> State:
+def resume(problem: Problem, model: TwoStepModel, ledger: bool, kept: Mapping[str, np.ndarray], first: int) -> TwoStepState:
     """A run from where another was at step `first`, of which `kept` is what `solve` gave; its row 0 is that row."""
     none = np.zeros(model.omega.size)
     state = start(problem._replace(q=none, v=none), model, ledger)
@@ -474,7 +474,7 @@ def resume(problem: Problem, model: Model, ledger: bool, kept: Mapping[str, np.n
 
 
 def solve(
-    problem: Problem, model: Model, ledger: bool, kept: Mapping[str, np.ndarray] | None = None, first: int = 0
+    problem: Problem, model: TwoStepModel, ledger: bool, kept: Mapping[str, np.ndarray] | None = None, first: int = 0
 ) -> Outcome:
     """Runs the problem to its last row, from its start or from what an Outcome's state kept at step `first`."""
     state = start(problem, model, ledger) if kept is None else resume(problem, model, ledger, kept, first)

@@ -43,10 +43,10 @@ from synth.solver.vectors import FAST, dot
 LARGEST_ANGLE = 2.0
 #: steps that must be clear before instants further off are looked at
 _FAR = 2
-# places in Run.sums
+# places in WallRun.sums
 STORED, HELD, VISCOUS, LOST, PENETRATION, RISE, START = 0, 1, 2, 3, 4, 5, 6
 _SUMS = 7
-# places in Run.counts
+# places in WallRun.counts
 LAST, TOUCHED, LOOKED, HOLDING, PUSHED, AT, SHORTER, EXIT = 0, 1, 2, 3, 4, 5, 6, 7
 _COUNTS = 8
 
@@ -69,7 +69,7 @@ class Wall(NamedTuple):
     tables: Sine
 
 
-class Run(NamedTuple):
+class WallRun(NamedTuple):
     """State and results; n rows, every M steps."""
 
     q: np.ndarray  # (N,)
@@ -202,7 +202,7 @@ def _gaps(wall: Wall, displacement, gap) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _weigh(wall: Wall, run: Run, q, v) -> None:
+def _weigh(wall: Wall, run: WallRun, q, v) -> None:
     """What has been lost to damping since energy was last weighed."""
     flown_to = stored(EXACT_HOLD, wall.omega, wall.omega, wall.mu, wall.dt, q, v)
     run.sums[VISCOUS] += run.sums[STORED] - flown_to
@@ -238,7 +238,7 @@ def _fly_contact_rows(wall: Wall, coef, q, v, u, contact_u, work) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _write(wall: Wall, run: Run, row: int, rows: int, every: int, q, v) -> None:
+def _write(wall: Wall, run: WallRun, row: int, rows: int, every: int, q, v) -> None:
     """So many rows, the first of the state q, v, the rest of free flight from it; impulses enter the first."""
     u = run.u[row : row + rows]
     if run.contact_u.shape[0] > 0:
@@ -256,7 +256,7 @@ def _write(wall: Wall, run: Run, row: int, rows: int, every: int, q, v) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _rows(wall: Wall, run: Run, every: int, until: int) -> None:
+def _rows(wall: Wall, run: WallRun, every: int, until: int) -> None:
     """The rows that are due up to step `until`, between which and the last impulse the string flew free."""
     at, q, v = run.counts[AT], run.row[0], run.row[1]
     following = (at // every + 1) * every
@@ -276,7 +276,7 @@ def _rows(wall: Wall, run: Run, every: int, until: int) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _strike(wall: Wall, run: Run) -> bool:
+def _strike(wall: Wall, run: WallRun) -> bool:
     """Impulses of one instant, gaps (C,) and node velocities at hand; False: there were none."""
     change, spare, kick, w = run.nodes[2], run.nodes[3], run.nodes[4], run.nodes[1]
     hit, holding, mass = False, 0, wall.mu * wall.spacing
@@ -307,7 +307,7 @@ def _strike(wall: Wall, run: Run) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def touch(wall: Wall, run: Run, step: int, every: int) -> int:
+def touch(wall: Wall, run: WallRun, step: int, every: int) -> int:
     """Impulses of one instant; returns for how many steps from here nothing can be touched."""
     u, w, gap, sums = run.nodes[0], run.nodes[1], run.gaps[0], run.sums
     transform(wall.tables, run.q, run.v, u, w)
@@ -349,7 +349,7 @@ def touch(wall: Wall, run: Run, step: int, every: int) -> int:
 
 
 @njit(cache=True, nogil=True)
-def _look_ahead(wall: Wall, run: Run, clear: int, k: int):
+def _look_ahead(wall: Wall, run: WallRun, clear: int, k: int):
     """Looks one and two strides k further off; flies to the furthest that is clear all the way; (steps, clear there)."""
     stride = wall.flights.strides[k]
     q1, v1, q2, v2 = run.ahead[0], run.ahead[1], run.ahead[2], run.ahead[3]
@@ -376,7 +376,7 @@ def _look_ahead(wall: Wall, run: Run, clear: int, k: int):
 
 
 @njit(cache=True, nogil=True)
-def advance(wall: Wall, run: Run, steps: int, every: int) -> None:
+def advance(wall: Wall, run: WallRun, steps: int, every: int) -> None:
     """All steps from t = 0 on, rows included; the energies of every flight are weighed where rows of them are wanted."""
     sums, flights = run.sums, wall.flights
     run.nodes[:] = 0.0
@@ -412,7 +412,7 @@ def advance(wall: Wall, run: Run, steps: int, every: int) -> None:
         _weigh(wall, run, run.q, run.v)
 
 
-def start_run(problem: Problem, wall: Wall, ledger: bool, contact_rows: bool = True) -> Run:
+def start_run(problem: Problem, wall: Wall, ledger: bool, contact_rows: bool = True) -> WallRun:
     """A run at t = 0 from the problem's q, v; contact rows cost more than all the rest, and may be left out.
 
     Raises ValueError for a start that is pressed into the wall.
@@ -425,13 +425,15 @@ def start_run(problem: Problem, wall: Wall, ledger: bool, contact_rows: bool = T
     return _make_run(problem, wall, ledger, contact_rows)
 
 
-def kept_of(run: Run) -> dict[str, np.ndarray]:
+def kept_of(run: WallRun) -> dict[str, np.ndarray]:
     """What `resume_run` goes on from: the run after its last step, which is a row."""
     return {"q": run.q.copy(), "v": run.v.copy(), "touching": run.touching.copy(), "account": run.account.copy(),
             "sums": run.sums.copy()}  # fmt: skip
 
 
-def resume_run(problem: Problem, wall: Wall, kept: Mapping[str, np.ndarray], ledger: bool, contact_rows: bool = True) -> Run:
+def resume_run(
+    problem: Problem, wall: Wall, kept: Mapping[str, np.ndarray], ledger: bool, contact_rows: bool = True
+) -> WallRun:
     """A run from where another ended, steps counted anew; the problem's q, v are of no account. Its row 0 is that row.
 
     Flights from row to row are divided otherwise than in an undivided run: the same to rounding.
@@ -448,9 +450,9 @@ def resume_run(problem: Problem, wall: Wall, kept: Mapping[str, np.ndarray], led
     return run
 
 
-def _make_run(problem: Problem, wall: Wall, ledger: bool, contact_rows: bool) -> Run:
+def _make_run(problem: Problem, wall: Wall, ledger: bool, contact_rows: bool) -> WallRun:
     rows, contacts, n = problem.steps // problem.every + 1, problem.eta.size, problem.omega.size
-    run = Run(
+    run = WallRun(
         q=np.array(problem.q, dtype=np.float64),
         v=np.array(problem.v, dtype=np.float64),
         touching=np.zeros(contacts, np.uint8),

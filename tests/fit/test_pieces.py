@@ -13,10 +13,10 @@ from synth.fit import FitCancelled, FitRefused, estimate, fit_recording, partial
 from synth.fit.estimate import Fit, Partial
 from synth.fit.exponential import Bands, fit_exponential, fit_level_line
 from synth.fit.losses import Losses, fit_losses, fit_terms, loss_terms
-from synth.fit.partials import Measured, Stretch, fit_stretch
+from synth.fit.partials import MeasuredPartial, Stretch, fit_stretch
 from synth.fit.pitch import Peaks, best_series, find_series, follow, spectral_peaks, stretched
-from synth.fit.pluck import Pluck, fit_pluck
-from synth.fit.recording import Note, cut_note, read_recording
+from synth.fit.pluck import FittedPluck, fit_pluck
+from synth.fit.recording import RecordedNote, cut_note, read_recording
 from synth.instrument.preset import Preset, parse_preset
 from synth.physics.modes import model_decay_rates
 from synth.physics.string import String
@@ -142,8 +142,8 @@ def test_eight_periods_are_the_least() -> None:
 # --- the laws -----------------------------------------------------------------------------------------------
 
 
-def measured(number: int, hz: float = 100.0, decay: float = 1.0, **more) -> Measured:
-    plain = Measured(number, hz, 1e-4, -20.0, 0.1, decay, 0.01 * decay, 40.0, 0.01, True, True)
+def measured(number: int, hz: float = 100.0, decay: float = 1.0, **more) -> MeasuredPartial:
+    plain = MeasuredPartial(number, hz, 1e-4, -20.0, 0.1, decay, 0.01 * decay, 40.0, 0.01, True, True)
     return replace(plain, **more)
 
 
@@ -436,7 +436,7 @@ def test_where_the_next_note_begins_and_where_it_is_damped() -> None:
 def fit_of(partials: tuple[Partial, ...], **more) -> Fit:
     stretch = Stretch(110.0, 1e-4, 0.01, 2e-6, 0.3)
     losses = Losses(500.0, 0.25, 4e-3, 2e-4, 0.05)
-    place = Pluck(0.2113, 0.0042, True, 0.8, (-10.0, 0.0, 0.0, 0.0))
+    place = FittedPluck(0.2113, 0.0042, True, 0.8, (-10.0, 0.0, 0.0, 0.0))
     plain = Fit(110.0, 1e-4, stretch, losses, place, partials, 0.1, 2.5, RATE, -6.0, -70.0, 55.4, 0.98765, ("a word",))
     return replace(plain, **more)
 
@@ -485,7 +485,7 @@ def test_a_report_of_what_is_not_told() -> None:
     told = report(fit_of(many, pluck=None))
     assert told["pluck"] is None and told["curves"]["level"]["line"] == [] and len(told["partials"]) == 60
     assert dict((name, value) for name, value, _ in told["facts"])["Plucked at"] == "not clear from the levels"
-    unsure = Pluck(0.2, 0.1, False, 9.0, (0.0, 0.0, 0.0, 0.0))
+    unsure = FittedPluck(0.2, 0.1, False, 9.0, (0.0, 0.0, 0.0, 0.0))
     assert ["Plucked at", "not clear from the levels"] in [fact[:2] for fact in report(fit_of(many, pluck=unsure))["facts"]]
     endless = report(fit_of(many, losses=Losses(0.0, 0.0, 0.0, 0.0, math.inf)))
     assert endless["losses"]["spread"] is None
@@ -498,7 +498,7 @@ def test_the_words_of_a_fit() -> None:
     """What is told of partials that are missing, do not fall, beat or lie beside the law: of the first ten."""
     stretch = Stretch(110.0, 1e-4, 0.01, 2e-6, 0.3)
     losses = Losses(500.0, 0.25, 4e-3, 2e-4, 0.25)
-    place = Pluck(0.2, 0.004, True, 3.0, (0.0, 0.0, 0.0, 0.0))
+    place = FittedPluck(0.2, 0.004, True, 3.0, (0.0, 0.0, 0.0, 0.0))
     plain = [partial(n).measured for n in range(1, 21)]
     assert estimate._warnings(plain, stretch, losses, place, 0.8) == []
     odd = [p for p in plain if p.number not in (4, 12)]
@@ -588,7 +588,7 @@ def test_what_the_partials_explain() -> None:
     x = sum(np.exp(-3.0 * n * t) * np.sin(2 * np.pi * 200.0 * n * t + n) for n in (1, 2))
     x[: round(0.05 * RATE)] = 9.0
     x[round(0.3 * RATE) :] = 9.0
-    note = Note(x, RATE, 0.0, 0.0, 0.0, ())
+    note = RecordedNote(x, RATE, 0.0, 0.0, 0.0, ())
     assert estimate._explained(note, partials) == pytest.approx(1.0, abs=1e-9)
     strange = replace(note, samples=x + 0.5 * np.sin(2 * np.pi * 317.0 * t))
     assert 0.6 < estimate._explained(strange, partials) < 0.95
@@ -692,7 +692,7 @@ def test_what_the_laws_miss_is_written_as_measured() -> None:
 
 
 def test_a_place_is_written_where_the_levels_tell_it() -> None:
-    clear = Pluck(0.2, 0.004, True, 3.0, (0.0, 0.0, 0.0, 0.0))
+    clear = FittedPluck(0.2, 0.004, True, 3.0, (0.0, 0.0, 0.0, 0.0))
     for pluck_, written in (
         (clear, True), (replace(clear, spread_db=3.1), False), (replace(clear, determined=False), False), (None, False),
     ):  # fmt: skip
@@ -767,7 +767,7 @@ def ringing(numbers, f0: float = 200.0, seconds: float = 1.5, noise: float = 1e-
 
 def test_partials_as_they_are() -> None:
     numbers = [1, 2, 3, 5, 6, 7, 8, 9, 10]
-    note = Note(ringing(numbers), RATE, 0.0, 0.0, 0.0, ())
+    note = RecordedNote(ringing(numbers), RATE, 0.0, 0.0, 0.0, ())
     shares: list[float] = []
     found, stretch = partials.measure_partials(note, find_series(note), shares.append)
     assert [p.number for p in found] == numbers
@@ -786,13 +786,13 @@ def test_partials_as_they_are() -> None:
 def test_behind_ten_partials_that_are_not_there_none_is_looked_for() -> None:
     """Below the twelfth they are: a pluck in the middle has half of them only."""
     for numbers, heard in (((*range(1, 13), 30), list(range(1, 13))), ((*range(1, 13), 20), [*range(1, 13), 20])):
-        note = Note(ringing(numbers, 100.0), RATE, 0.0, 0.0, 0.0, ())
+        note = RecordedNote(ringing(numbers, 100.0), RATE, 0.0, 0.0, 0.0, ())
         found, _ = partials.measure_partials(note, find_series(note))
         assert [p.number for p in found] == heard
 
 
 def test_a_string_has_four_partials_at_least() -> None:
-    note = Note(ringing((1, 2, 3)), RATE, 0.0, 0.0, 0.0, ())
+    note = RecordedNote(ringing((1, 2, 3)), RATE, 0.0, 0.0, 0.0, ())
     with pytest.raises(
         FitRefused, match=r"only 3 partials of 200\.\d Hz stand out of the noise, a string's inharmonicity needs 4"
     ):
@@ -803,7 +803,7 @@ def test_a_string_has_four_partials_at_least() -> None:
 
 
 def test_a_note_alone_and_two_at_once() -> None:
-    alone = Note(ringing(range(1, 11)), RATE, 0.0, 0.0, 0.0, ())
+    alone = RecordedNote(ringing(range(1, 11)), RATE, 0.0, 0.0, 0.0, ())
     series = find_series(alone)
     assert series.f0_hz == pytest.approx(200.0, rel=1e-3) and series.numbers.tolist() == list(range(1, 11))
     assert find_series(alone, 230.0).f0_hz == pytest.approx(200.0, rel=1e-3)
@@ -818,8 +818,8 @@ def test_partials_that_a_contact_moves_are_no_second_note() -> None:
     moved = ringing(range(1, 11)) + ringing(range(1, 11), 200.0 * 2.0 ** (26.0 / 1200.0))
     for beside, cents in ((moved, 0.0), (ringing(range(1, 11)) + ringing(range(1, 9), 212.0), 30.0)):
         with pytest.raises(FitRefused, match=r"two notes sound|strong partials"):
-            find_series(Note(beside, RATE, 0.0, 0.0, 0.0, ()), moved_cents=cents)
-    found = find_series(Note(moved, RATE, 0.0, 0.0, 0.0, ()), 200.0, moved_cents=30.0)
+            find_series(RecordedNote(beside, RATE, 0.0, 0.0, 0.0, ()), moved_cents=cents)
+    found = find_series(RecordedNote(moved, RATE, 0.0, 0.0, 0.0, ()), 200.0, moved_cents=30.0)
     assert found.f0_hz == pytest.approx(200.0, rel=0.016)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from synth.fit.contact_features import ContactBands
 from synth.fit.fret_features import Heard, hear
-from synth.fit.recording import FitRefused, Note, cut_note, read_recording
+from synth.fit.recording import FitRefused, RecordedNote, cut_note, read_recording
 from synth.units import note_to_midi
 
 #: soft to loud
@@ -27,7 +27,7 @@ class Take:
     dynamic: str
     take: int
     path: Path
-    note: Note
+    note: RecordedNote
 
     def heard(self, bands: ContactBands) -> Heard:
         """Its features. Raises FitRefused where it is too short."""

@@ -19,7 +19,7 @@ _LAYERS = ("pp", "ff")
 def of_recordings(recorded: Iterable[Recorded]) -> dict[str, dict[str, float]]:
     """{measure: {note or file: value}} of what the basses' recordings say of the hand."""
     found: dict[str, dict[str, float]] = defaultdict(dict)
-    layers: dict[tuple[str, int], dict[str, list[measure.Note]]] = defaultdict(lambda: defaultdict(list))
+    layers: dict[tuple[str, int], dict[str, list[measure.RecordedNote]]] = defaultdict(lambda: defaultdict(list))
     for each in recorded:
         name = each.name.rsplit("/", 1)[-1].rsplit(".", 1)[0]
         hz = float(midi_to_hz(each.note))
@@ -52,7 +52,7 @@ def rise(soft: Mapping[str, float], loud: Mapping[str, float]) -> dict[str, floa
     return {name: loud[key] - soft[key] for name, key in pairs}
 
 
-def dynamics(notes: Mapping[str, list[measure.Note]], number: int) -> dict[str, float]:
+def dynamics(notes: Mapping[str, list[measure.RecordedNote]], number: int) -> dict[str, float]:
     """Of a note played pp and ff, several times: `rise`, `glide_cents` of ff, `takes_apart_db`."""
     hz = float(midi_to_hz(number))
     out = {}

@@ -15,9 +15,9 @@ from scipy.signal import butter, sosfiltfilt
 
 from synth.dsp.measures import spectrum
 from synth.fit.exponential import Bands
-from synth.fit.partials import Measured, fit_stretch, measure_partials
+from synth.fit.partials import MeasuredPartial, fit_stretch, measure_partials
 from synth.fit.pitch import BEGIN_S, SPAN_S, best_series, spectral_peaks
-from synth.fit.recording import FitRefused, Note, cut_note
+from synth.fit.recording import FitRefused, RecordedNote, cut_note
 
 #: of a note that is looked at [s]: what most recordings have
 MOST_S = 6.0
@@ -35,14 +35,14 @@ EARLY_S = 0.3
 _TAKE_PARTIALS = 12
 
 
-def cut(samples: NDArray[np.float64], rate_hz: float) -> Note:
+def cut(samples: NDArray[np.float64], rate_hz: float) -> RecordedNote:
     """The note from its onset on, at most `MOST_S`. Raises FitRefused."""
     note = cut_note(samples, rate_hz)
     most = round(MOST_S * rate_hz)
-    return Note(note.samples[:most], rate_hz, note.onset_s, note.peak_dbfs, note.noise_rms, note.warnings)
+    return RecordedNote(note.samples[:most], rate_hz, note.onset_s, note.peak_dbfs, note.noise_rms, note.warnings)
 
 
-def ring(note: Note, expected_hz: float) -> dict[str, float]:
+def ring(note: RecordedNote, expected_hz: float) -> dict[str, float]:
     """Decay by partial [s], `decay_ratio`, `beating_db`, `inharmonicity`, `glide_cents` and `f0_hz` of a note that rings.
 
     expected_hz: its pitch within half an octave. Raises FitRefused where there is no series of partials.
@@ -66,7 +66,7 @@ def ring(note: Note, expected_hz: float) -> dict[str, float]:
     return out
 
 
-def partials(note: Note, expected_hz: float) -> list[Measured]:
+def partials(note: RecordedNote, expected_hz: float) -> list[MeasuredPartial]:
     """The first twenty partials, as far as they stand out. Raises FitRefused where there is no series of them."""
     begin = round(BEGIN_S * note.rate_hz)
     peaks = spectral_peaks(note.samples[begin : begin + round(SPAN_S * note.rate_hz)], note.rate_hz)
@@ -76,7 +76,7 @@ def partials(note: Note, expected_hz: float) -> list[Measured]:
     return measure_partials(note, series, most=MOST_PARTIALS)[0]
 
 
-def decays_s(found: Sequence[Measured]) -> dict[int, float]:
+def decays_s(found: Sequence[MeasuredPartial]) -> dict[int, float]:
     """{number: T60} of the partials that decay."""
     return {p.number: min(float(p.t60_s), LONGEST_T60_S) for p in found if p.decay > 0.0}
 
@@ -84,7 +84,7 @@ def decays_s(found: Sequence[Measured]) -> dict[int, float]:
 Envelope = tuple[NDArray[np.float64], NDArray[np.complex128], float]
 
 
-def _envelopes(note: Note, f0_hz: float, frequencies_hz: NDArray[np.float64]) -> list[Envelope]:
+def _envelopes(note: RecordedNote, f0_hz: float, frequencies_hz: NDArray[np.float64]) -> list[Envelope]:
     """(times [s], envelope, noise beside it) of partials, in half the spacing of the partials to each side."""
     bands = Bands(note.samples, note.rate_hz, 0.5 * f0_hz)
     out = []
@@ -135,7 +135,7 @@ def _glide_cents(hz: float, t: NDArray[np.float64], y: NDArray[np.complex128]) -
     return float(1200.0 * np.log2(first / last))
 
 
-def early(note: Note, f0_hz: float) -> dict[str, float]:
+def early(note: RecordedNote, f0_hz: float) -> dict[str, float]:
     """`level_db` and `tilt_db_octave` of the first 0.3 s."""
     x = note.samples[: round(EARLY_S * note.rate_hz)]
     levels = partial_levels_db(note, f0_hz, MOST_PARTIALS)
@@ -146,7 +146,7 @@ def early(note: Note, f0_hz: float) -> dict[str, float]:
     }
 
 
-def partial_levels_db(note: Note, f0_hz: float, count: int) -> NDArray[np.float64]:
+def partial_levels_db(note: RecordedNote, f0_hz: float, count: int) -> NDArray[np.float64]:
     """Largest level within half a spacing of each of the first partials, over 0.3 s; fewer near half the rate."""
     frequencies, amplitude = spectrum(note.samples[: round(EARLY_S * note.rate_hz)], note.rate_hz, 8)
     count = min(count, int(0.45 * note.rate_hz / f0_hz - 0.5))
@@ -154,13 +154,13 @@ def partial_levels_db(note: Note, f0_hz: float, count: int) -> NDArray[np.float6
     return np.array([20.0 * np.log10(amplitude[a:b].max() + 1e-12) for a, b in pairwise(edges)])
 
 
-def takes_apart_db(a: Note, b: Note, f0_hz: float) -> float:
+def takes_apart_db(a: RecordedNote, b: RecordedNote, f0_hz: float) -> float:
     """Distance of two takes of a note: rms difference of the first twelve partials' levels, their loudness apart."""
     difference = partial_levels_db(a, f0_hz, _TAKE_PARTIALS) - partial_levels_db(b, f0_hz, _TAKE_PARTIALS)
     return float(np.sqrt(np.mean((difference - difference[:8].mean()) ** 2)))
 
 
-def burst(note: Note) -> dict[str, float]:
+def burst(note: RecordedNote) -> dict[str, float]:
     """What a thumb or fret adds above 2 kHz: `burst_peak_ms` after the onset, and `burst_20db_ms` from there to −20 dB.
 
     rms of 10 ms in 2–8 kHz over half a second; a burst that does not fall so far within it has no second value but 500.
@@ -209,7 +209,7 @@ def released_s(samples: NDArray[np.float64], rate_hz: float) -> float:
     return float(np.flatnonzero(level > level.max() * 10.0**-0.4)[-1] / rate_hz)
 
 
-def touched(note: Note, fundamental_hz: float) -> dict[str, float]:
+def touched(note: RecordedNote, fundamental_hz: float) -> dict[str, float]:
     """`fundamental_db`: a touched harmonic's fundamental of the whole string against the strongest partial."""
     begin = round(0.1 * note.rate_hz)
     frequencies, amplitude = spectrum(note.samples[begin : begin + round(1.2 * note.rate_hz)], note.rate_hz)

@@ -112,7 +112,7 @@ def kept_small(path: Path) -> None:
         image.convert("RGB").quantize(_COLOURS).save(path, optimize=True)
 
 
-def _spectrogram(axes: Axes, note: measure.Note, pair: Pair, title: str) -> None:
+def _spectrogram(axes: Axes, note: measure.RecordedNote, pair: Pair, title: str) -> None:
     rate = note.rate_hz
     size = round(0.06 * rate)
     x = note.samples[: round(pair.seconds * rate)]

@@ -21,7 +21,7 @@ from synth.solver.problem import Outcome, Problem
 class ContactRows:
     """Rows of a wall's nodes, made when they are first asked for: the same run once more, bit for bit."""
 
-    begin: Callable[..., wall.Run]
+    begin: Callable[..., wall.WallRun]
     problem: Problem
     model: wall.Wall
     rows: tuple[np.ndarray, np.ndarray] | None = None
@@ -34,7 +34,7 @@ class ContactRows:
         return self.rows[which]
 
 
-def _advanced(problem: Problem, model: wall.Wall, state: wall.Run) -> wall.Run:
+def _advanced(problem: Problem, model: wall.Wall, state: wall.WallRun) -> wall.WallRun:
     with flushed():
         wall.advance(model, state, problem.steps, problem.every)
     return state
@@ -55,7 +55,7 @@ def run_wall(scene: Scene) -> Outcome:
             problem.omega, problem.sigma, problem.mu, problem.dt, scene.string.length_m, scene.positions, problem.eta,
             problem.out_shapes, stiffness, case.scheme.restitution,
         )  # fmt: skip
-        begin: Callable[..., wall.Run] = partial(wall.start_run, problem, model)
+        begin: Callable[..., wall.WallRun] = partial(wall.start_run, problem, model)
         if scene.kept is not None:
             begin = partial(wall.resume_run, problem, model, scene.kept)
         state = begin(ledger=case.run.ledger, contact_rows=False)
