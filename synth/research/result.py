@@ -19,6 +19,7 @@ import numpy as np
 
 from synth.files.npz import read_npz
 from synth.files.targets import is_special, write_whole
+from synth.research.citations import bibtex
 from synth.research.result_pictures import Drawn
 
 if TYPE_CHECKING:
@@ -88,6 +89,10 @@ class Result(Drawn):
     def summary(self) -> dict[str, Any]:
         """The few numbers that `synth simulate` prints."""
         return self.metadata["summary"]
+
+    def citation(self) -> str:
+        """BibTeX of the program, at its present version, and of the papers whose methods the run used."""
+        return bibtex(self.metadata["scheme"])
 
     def __repr__(self) -> str:
         about, (rows, outputs), contacts = self.metadata, self.u.shape, self.contact_positions.size

@@ -32,6 +32,7 @@ import numpy as np
 
 from synth.files.npz import read_npz
 from synth.files.targets import write_whole
+from synth.research.citations import bibtex
 from synth.research.result import ResultError, check_name, counted, is_table, write_columns
 from synth.research.result_pictures import Drawn
 from synth.solver.coupled_study import ENERGIES
@@ -72,6 +73,10 @@ class CoupledResult(Drawn):
     def summary(self) -> dict[str, Any]:
         """The few numbers that `synth simulate` prints."""
         return self.metadata["summary"]
+
+    def citation(self) -> str:
+        """BibTeX of the program, at its present version, and of the papers whose methods the run used."""
+        return bibtex(self.metadata["scheme"], on_a_body=True)
 
     def __repr__(self) -> str:
         about = self.metadata
