@@ -200,9 +200,12 @@ def test_an_edit_makes_the_map_old_until_it_is_undone(page):
 
 def test_a_map_is_stopped_and_the_one_that_is_shown_stays(page):
     before = numbers(page)
-    page.click("#compute-map")
-    page.button("Cancel", "#setup").click()
-    done(page, "#compute-map")
+    for _ in range(10):
+        page.click("#compute-map")
+        page.button("Cancel", "#setup").click()
+        done(page, "#compute-map")
+        if page.script("return document.querySelector('#setup [role=alert]') !== null"):
+            break  # else the map was there before the browser came to press the button
     assert page.text("#setup [role=alert]") == "Cancelled"
     assert numbers(page) == before
 
