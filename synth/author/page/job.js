@@ -2,12 +2,13 @@
 
 const EVERY_MS = 250;
 
-/** Follow a job: {result: promise, cancel()}. The promise rejects with the server's reason, or when it is cancelled. */
-export function follow(api, id, onProgress) {
-  const path = `/api/jobs/${encodeURIComponent(id)}`;
+/** Follow a job, given by its id or the promise of one: {result: promise, cancel()}. The promise rejects with the server's
+ * reason, or when it is cancelled, which may be before the server has said the id. */
+export function follow(api, asked, onProgress) {
+  const path = Promise.resolve(asked).then((id) => `/api/jobs/${encodeURIComponent(id)}`);
   const result = (async () => {
     for (;;) {
-      const job = await api.get(path);
+      const job = await api.get(await path);
       if (job.state === "done") return job.result;
       if (job.state === "cancelled") throw new Error("Cancelled");
       if (job.state === "failed") throw new Error(job.error);
@@ -15,5 +16,5 @@ export function follow(api, id, onProgress) {
       await new Promise((done) => setTimeout(done, EVERY_MS));
     }
   })();
-  return { result, cancel: () => api.del(path) };
+  return { result, cancel: async () => api.del(await path) };
 }

@@ -41,8 +41,8 @@ function makeRun({ api, label, id, tip, name }) {
     error.hidden = true;
     busy(true);
     try {
-      const { job: key } = await api.post(path, fields);
-      job = follow(api, key, (progress) => progress > 0 && (bar.value = progress));
+      const asked = api.post(path, fields).then((answer) => answer.job);
+      job = follow(api, asked, (progress) => progress > 0 && (bar.value = progress));
       return await job.result;
     } catch (reason) {
       error.textContent = reason.message;
