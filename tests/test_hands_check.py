@@ -77,10 +77,8 @@ def test_a_string_on_its_fingerboard_is_a_collision_and_a_step_of_the_engine_a_c
     rows, _, _ = tool.events_of(preset, 0.8)
     rows = [row for row in rows if row[0] < 1.7 * tool.RATE_HZ]
     sound, _, _ = tool.play(preset, rows, 1.7, 128, 1)
-    strokes = tool.strokes_of(preset, rows)
-    near = tool.AFTER_KEY_S * tool.RATE_HZ
-    heard = [each for each in tool.clicks(sound, tool.RATE_HZ) if not any(a <= each[0] < b for a, b in strokes)]
-    heard = [each for each in heard if not any(abs(each[0] - row[0]) <= near for row in rows)]
+    heard = tool.outside(tool.strokes_of(preset, rows), tool.clicks(sound, tool.RATE_HZ))
+    heard = [each for each in heard if not any(abs(each[0] - row[0]) <= tool.AFTER_KEY_S * tool.RATE_HZ for row in rows)]
     assert heard
     put_in, at_key = (round(1.3 * tool.RATE_HZ), 9.0), (rows[-1][0], 9.0)
     assert tool.collisions_of(preset, rows, 128, sorted([*heard, put_in, at_key])) == heard

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 Rendered = Sound
 
 
-class MemoryRenderSettings(EngineOptions, total=False):
+class RenderOptions(EngineOptions, total=False):
     """What else `render` may be given by name: fields of `RenderSettings`."""
 
     settings: Sequence[tuple[str | None, str, str]]
@@ -62,7 +62,7 @@ def render(
     stems: bool = False,
     warn: Callable[[str], None] | None = None,
     progress: offline.Progress | None = None,
-    **settings: Unpack[MemoryRenderSettings],
+    **settings: Unpack[RenderOptions],
 ) -> Sound:
     """The sound of a song or of a few notes: what `synth render` writes, as an array with what is to be said of it.
 
@@ -103,7 +103,7 @@ def render(
         if not (isinstance(channel, int) and 1 <= channel <= 16):
             raise ValueError(f"channels must be 1 to 16, got {channel!r}")
         by_channel[channel - 1] = name(chosen)
-    unknown = sorted(set(settings) - set(MemoryRenderSettings.__annotations__))
+    unknown = sorted(set(settings) - set(RenderOptions.__annotations__))
     if unknown:
         raise TypeError(f"render() has no setting {unknown[0]!r}")
     mpe = bool(settings.get("mpe", False))

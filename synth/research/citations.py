@@ -5,74 +5,59 @@ from __future__ import annotations
 from synth._version import DATE, __version__
 
 _JASA = "The Journal of the Acoustical Society of America"
-#: BibTeX type and fields of every source, by key
-SOURCES: dict[str, tuple[str, dict[str, str]]] = {
-    "issanchou2018": (
-        "article",
-        {
-            "author": "Issanchou, Clara and Acary, Vincent and P{\\'e}rignon, Franck and Touz{\\'e}, Cyril and "
-            'Le Carrou, Jean-Lo{\\"\\i}c',
-            "title": "Nonsmooth contact dynamics for the numerical simulation of collisions in musical string instruments",
-            "journal": _JASA,
-            "volume": "143",
-            "number": "5",
-            "pages": "3195--3205",
-            "year": "2018",
-            "doi": "10.1121/1.5039740",
-        },
-    ),
-    "issanchou2017": (
-        "article",
-        {
-            "author": "Issanchou, Clara and Bilbao, Stefan and Le Carrou, Jean-Lo{\\\"\\i}c and Touz{\\'e}, Cyril and "
-            "Doar{\\'e}, Olivier",
-            "title": "A modal-based approach to the nonlinear vibration of strings against a unilateral obstacle: "
-            "Simulations and experiments in the pointwise case",
-            "journal": "Journal of Sound and Vibration",
-            "volume": "393",
-            "pages": "229--251",
-            "year": "2017",
-            "doi": "10.1016/j.jsv.2016.12.025",
-        },
-    ),
-    "ducceschi2021": (
-        "article",
-        {
-            "author": "Ducceschi, Michele and Bilbao, Stefan and Willemsen, Silvin and Serafin, Stefania",
-            "title": "Linearly-implicit schemes for collisions in musical acoustics based on energy quadratisation",
-            "journal": _JASA,
-            "volume": "149",
-            "number": "5",
-            "pages": "3502--3516",
-            "year": "2021",
-            "doi": "10.1121/10.0005008",
-        },
-    ),
-    "bilbao2023": (
-        "article",
-        {
-            "author": "Bilbao, Stefan and Ducceschi, Michele and Zama, Fabiana",
-            "title": "Explicit exactly energy-conserving methods for {Hamiltonian} systems",
-            "journal": "Journal of Computational Physics",
-            "volume": "472",
-            "pages": "111697",
-            "year": "2023",
-            "doi": "10.1016/j.jcp.2022.111697",
-        },
-    ),
-    "weinreich1977": (
-        "article",
-        {
-            "author": "Weinreich, Gabriel",
-            "title": "Coupled piano strings",
-            "journal": _JASA,
-            "volume": "62",
-            "number": "6",
-            "pages": "1474--1484",
-            "year": "1977",
-            "doi": "10.1121/1.381677",
-        },
-    ),
+#: fields of the articles, by key
+ARTICLES: dict[str, dict[str, str]] = {
+    "issanchou2018": {
+        "author": "Issanchou, Clara and Acary, Vincent and P{\\'e}rignon, Franck and Touz{\\'e}, Cyril and "
+        'Le Carrou, Jean-Lo{\\"\\i}c',
+        "title": "Nonsmooth contact dynamics for the numerical simulation of collisions in musical string instruments",
+        "journal": _JASA,
+        "volume": "143",
+        "number": "5",
+        "pages": "3195--3205",
+        "year": "2018",
+        "doi": "10.1121/1.5039740",
+    },
+    "issanchou2017": {
+        "author": "Issanchou, Clara and Bilbao, Stefan and Le Carrou, Jean-Lo{\\\"\\i}c and Touz{\\'e}, Cyril and "
+        "Doar{\\'e}, Olivier",
+        "title": "A modal-based approach to the nonlinear vibration of strings against a unilateral obstacle: "
+        "Simulations and experiments in the pointwise case",
+        "journal": "Journal of Sound and Vibration",
+        "volume": "393",
+        "pages": "229--251",
+        "year": "2017",
+        "doi": "10.1016/j.jsv.2016.12.025",
+    },
+    "ducceschi2021": {
+        "author": "Ducceschi, Michele and Bilbao, Stefan and Willemsen, Silvin and Serafin, Stefania",
+        "title": "Linearly-implicit schemes for collisions in musical acoustics based on energy quadratisation",
+        "journal": _JASA,
+        "volume": "149",
+        "number": "5",
+        "pages": "3502--3516",
+        "year": "2021",
+        "doi": "10.1121/10.0005008",
+    },
+    "bilbao2023": {
+        "author": "Bilbao, Stefan and Ducceschi, Michele and Zama, Fabiana",
+        "title": "Explicit exactly energy-conserving methods for {Hamiltonian} systems",
+        "journal": "Journal of Computational Physics",
+        "volume": "472",
+        "pages": "111697",
+        "year": "2023",
+        "doi": "10.1016/j.jcp.2022.111697",
+    },
+    "weinreich1977": {
+        "author": "Weinreich, Gabriel",
+        "title": "Coupled piano strings",
+        "journal": _JASA,
+        "volume": "62",
+        "number": "6",
+        "pages": "1474--1484",
+        "year": "1977",
+        "doi": "10.1121/1.381677",
+    },
 }
 #: sources of the methods that are not this program's own, beside the paper that it begins with
 _OF_SCHEMES = {
@@ -93,9 +78,7 @@ def bibtex(scheme: str, on_a_body: bool = False) -> str:
         "year": year,
         "month": str(int(month)),
     }
-    return "\n\n".join(
-        [_entry("software", "jawari", program), *(_entry(SOURCES[key][0], key, SOURCES[key][1]) for key in keys)]
-    )
+    return "\n\n".join([_entry("software", "jawari", program), *(_entry("article", key, ARTICLES[key]) for key in keys)])
 
 
 def _entry(kind: str, key: str, fields: dict[str, str]) -> str:

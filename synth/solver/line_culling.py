@@ -131,7 +131,7 @@ def held_at_rest(m, s, j: int) -> float:
 
 
 @njit(fastmath=FAST, **INNER)
-def hold_at_rest(c, line: int, held) -> None:
+def fill_held_at_rest(c, line: int, held) -> None:
     """held (≥ modes,): `held_at_rest` of the modes of a line that rest while it goes by frames; HELD_REACH of them."""
     m, s, e = string_model(c.line_model[line]), string_state(c.line_state[line]), end_at(c.line_end[line])
     total = 0.0

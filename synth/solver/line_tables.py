@@ -37,7 +37,7 @@ from synth.solver.fingers import fill_grip
 from synth.solver.lanes import BLOCK, KQ, KV, P12, P22, padded
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.line_certificates import look_everywhere
-from synth.solver.line_culling import cull, held_at_rest, hold_at_rest
+from synth.solver.line_culling import cull, fill_held_at_rest, held_at_rest
 from synth.solver.quick_coefficients import quick_coefficients
 from synth.solver.responses import complete_rows, fill_lags, fill_response, fill_rows
 from synth.solver.stringmodel import MOVING, scratch_of, string_model, string_state
@@ -220,7 +220,7 @@ def go_by_frames(coupling: int, line: int, scratch: int) -> bool:
     m, s, e = string_model(model), string_state(state), end_at(end)
     before, held = e.counts[BY_FRAMES], w.moved[2]
     e.counts[BY_FRAMES] = 1
-    hold_at_rest(c, line, held)
+    fill_held_at_rest(c, line, held)
     if m.shapes.shape[0] > 0 and cull(coupling, line, scratch, int(np.int64(BLOCK))) > 0:
         e.counts[BY_FRAMES] = before
         return False
@@ -231,7 +231,7 @@ def go_by_frames(coupling: int, line: int, scratch: int) -> bool:
         quick_coefficients(EXACT_HOLD, m.omega[:n], e.sigma[:n], m.mu, c.frame, e.flight)
         complete_rows(e.flight, padded(n))
         fill_apart(end, w.q, w.v, w.spare)
-        hold_at_rest(c, line, held)
+        fill_held_at_rest(c, line, held)
     look_everywhere(end)
     e.counts[ENGAGED] = 1
     residual, finger_at = 0.0, s.finger[0]

@@ -70,13 +70,13 @@ class RunTables(NamedTuple):
     risen: Annotated[np.ndarray, f8("1")]
 
 
-study_of = opener(RunTables)
+run_tables = opener(RunTables)
 
 
 @njit(cache=True, nogil=True)
 def write_output(study: int) -> None:
     """One row of every result, from the state as it is and the contact forces recorded since the row before."""
-    r = study_of(study)
+    r = run_tables(study)
     m, s = string_model(r.watched), string_state(r.state)
     row, contacts, q = r.counts[ROW], m.shapes.shape[0], s.q[: m.modes]
     for p in range(m.points):
@@ -98,7 +98,7 @@ def _softness(m, c: int) -> float:
 @njit(**INNER)
 def _close_row(study: int) -> None:
     """What a row has besides displacements: forces, penetration, energies."""
-    r = study_of(study)
+    r = run_tables(study)
     m, s = string_model(r.whole), string_state(r.state)
     row = r.counts[ROW]
     scale = 1.0 if m.law == EXACT_HOLD else 1.0 / m.dt
@@ -119,7 +119,7 @@ def _close_row(study: int) -> None:
 @njit(cache=True, nogil=True)
 def certify_watch(study: int) -> None:
     """Clear Scratch.watch of contacts that free motion cannot reach from here; exact-hold only."""
-    r = study_of(study)
+    r = run_tables(study)
     m, s, w = string_model(r.whole), string_state(r.state), scratch_of(r.stepping)
     contacts, q, v = m.shapes.shape[0], s.q[: m.modes], s.v[: m.modes]
     for c in range(contacts):
@@ -138,7 +138,7 @@ def certify_watch(study: int) -> None:
 @njit(cache=True, nogil=True)
 def advance_study(study: int, n_steps: int) -> None:
     """`driver.run`, compiled: n steps, or as many as there are rows for."""
-    r = study_of(study)
+    r = run_tables(study)
     m, s, w = string_model(r.whole), string_state(r.state), scratch_of(r.stepping)
     every, contacts, fingered = r.records.shape[0], m.shapes.shape[0], s.finger[0].on != 0
     ledger = r.energy.shape[0] > 0
@@ -213,7 +213,7 @@ def _run_blocks(study: int, n_steps: int, parts: int) -> int:
     call goes on to a row at the latest and row and block must begin together; where they are not, the kernel gives what
     belongs into a row at every step.
     """
-    r = study_of(study)
+    r = run_tables(study)
     every, contacts, points = r.records.shape[0], r.records.shape[1], r.u.shape[1]
     phase = r.counts[PHASE]
     apart = every * parts % BLOCK == 0
@@ -267,7 +267,7 @@ def _run_blocks(study: int, n_steps: int, parts: int) -> int:
 @njit(**INNER)
 def divided_step(study: int, begin: int) -> None:
     """One step, in parts where `substeps` says so or a finger is on, which is at path[begin]; weighed if asked for."""
-    r = study_of(study)
+    r = run_tables(study)
     m, s, w = string_model(r.whole), string_state(r.state), scratch_of(r.stepping)
     phase, count, contacts, q = r.counts[PHASE], r.parts, m.shapes.shape[0], s.q[: m.modes]
     ledger = r.energy.shape[0] > 0
@@ -298,7 +298,7 @@ def divided_step(study: int, begin: int) -> None:
 
 @njit(**INNER)
 def _raise(study: int, displacement: float) -> None:
-    m, s = string_model(study_of(study).whole), string_state(study_of(study).state)
+    m, s = string_model(run_tables(study).whole), string_state(run_tables(study).state)
     for c in range(m.eta.size):
         s.eta[c] = m.eta[c] + displacement
 
@@ -315,7 +315,7 @@ def _rise(study: int, before: float, after: float) -> None:
     For the kernel that is restitution 1 (RunTables.lifted) after the velocity e (S v − w⁻) − w⁺, over heights that leave the
     gap the same. `_risen` belongs behind the step.
     """
-    r = study_of(study)
+    r = run_tables(study)
     m, s = string_model(r.whole), string_state(r.state)
     if m.law == EXACT_HOLD:
         _raise(study, after)
@@ -333,13 +333,13 @@ def _rise(study: int, before: float, after: float) -> None:
 def _risen(study: int, before: float, after: float) -> None:
     """The obstacle as it is after the step that `_rise` prepared."""
     _raise(study, after)
-    study_of(study).risen[0] = after - before
+    run_tables(study).risen[0] = after - before
 
 
 @njit(**INNER)
 def weighed_step(study: int, model: int, scratch: int, begin: int, at: int) -> None:
     """One step with its place in the energy ledger; heights from number `begin` on, forces to row `at` of the record."""
-    r = study_of(study)
+    r = run_tables(study)
     m, s = string_model(model), string_state(r.state)
     n, contacts = m.modes, m.shapes.shape[0]
     omega, gain, factor = m.omega[:n], m.rows[5, :n], r.factor

@@ -381,8 +381,8 @@ def test_articulations_are_heard_and_named() -> None:
 
 
 def test_settings_are_those_of_the_command() -> None:
-    from synth.host.memory import MemoryRenderSettings
+    from synth.host.memory import RenderOptions
 
     own = {"midi", "output", "preset", "channel_presets", "rate_hz", "stems"}
-    assert set(MemoryRenderSettings.__annotations__) == set(RenderSettings.__dataclass_fields__) - own
+    assert set(RenderOptions.__annotations__) == set(RenderSettings.__dataclass_fields__) - own
     assert notelist.is_phrase([Note(60)]) and not notelist.is_phrase("song.mid") and not notelist.is_phrase([])

@@ -23,7 +23,7 @@ EXTENDING = Path(__file__).resolve().parents[2] / "docs" / "extending"
 
 #: module → names that are public in it, None: all; beside those of `synth` itself
 MODULES: dict[str, tuple[str, ...] | None] = {
-    "synth.host.memory": ("MemoryRenderSettings",),
+    "synth.host.memory": ("RenderOptions",),
     "synth.host.render": ("RenderSettings", "RenderReport"),
     "synth.engine.engine": ("EngineReport", "Unplayed"),
     "synth.engine.engine_settings": ("EngineSettings",),

@@ -137,7 +137,7 @@ export function mount(element, { store, api }) {
   function begin() {
     if (run !== null) {
       run.abort.abort();
-      run.job?.cancel().catch(() => {}); // it has ended meanwhile
+      run.job?.cancel();
       run = null;
     }
     result = null;
@@ -168,13 +168,12 @@ export function mount(element, { store, api }) {
         ...(strings.value === "" ? {} : { string: strings.value }),
         ...(contact() ? { contact: 1, ...(amplitude.value === "" ? {} : { amplitude: amplitude.value }) } : {}),
       });
-      const { job } = await api.post(`/api/fit?${query}`, file, { signal: mine.abort.signal });
-      mine.job = follow(api, job, (progress) => mine === run && (bar.value = progress));
-      if (mine !== run) mine.job.cancel().catch(() => {});
+      const posted = api.post(`/api/fit?${query}`, file, { signal: mine.abort.signal });
+      mine.job = follow(api, posted, (progress) => mine === run && (bar.value = progress));
       const report = await mine.job.result;
       if (mine !== run) return;
       run = null;
-      result = { job, doc, report };
+      result = { job: await mine.job.id, doc, report };
       show(report);
     } catch (error) {
       if (mine !== run) return;

@@ -2,10 +2,11 @@
 
 const EVERY_MS = 250;
 
-/** Follow a job, given by its id or the promise of one: {result: promise, cancel()}. The promise rejects with the server's
- * reason, or when it is cancelled, which may be before the server has said the id. */
-export function follow(api, asked, onProgress) {
-  const path = Promise.resolve(asked).then((id) => `/api/jobs/${encodeURIComponent(id)}`);
+/** Follow a job that the server has been asked for; `posted`: the promise of its answer. {id, result: promises, cancel()}:
+ * the result rejects with the server's reason, or when the job is cancelled, also before the server has answered. */
+export function follow(api, posted, onProgress) {
+  const id = posted.then((answer) => answer.job);
+  const path = id.then((name) => `/api/jobs/${encodeURIComponent(name)}`);
   const result = (async () => {
     for (;;) {
       const job = await api.get(await path);
@@ -16,5 +17,6 @@ export function follow(api, asked, onProgress) {
       await new Promise((done) => setTimeout(done, EVERY_MS));
     }
   })();
-  return { result, cancel: async () => api.del(await path) };
+  const cancel = () => path.then((there) => api.del(there)).catch(() => {}); // it has ended meanwhile, or never begun
+  return { id, result, cancel };
 }

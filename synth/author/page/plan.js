@@ -21,7 +21,7 @@ export function mount(element, { store, api }) {
     },
     "Measure a plan for these strings",
   );
-  const cancel = h("button", { type: "button", class: "quiet", hidden: true, onclick: () => job?.cancel().catch(() => {}) }, "Cancel");
+  const cancel = h("button", { type: "button", class: "quiet", hidden: true, onclick: () => job?.cancel() }, "Cancel");
   const bar = h("progress", { max: 1, hidden: true, "aria-label": "Plan" });
   const said = h("span", { class: "unit", role: "status", id: "plan-said" });
   element.append(h("div", { class: "reference-head" }, start, bar, cancel, said));
@@ -37,10 +37,9 @@ export function mount(element, { store, api }) {
     bar.removeAttribute("value");
     said.textContent = "";
     try {
-      const asked = api.post(`${path}/plan`, {}).then((answer) => answer.job);
-      job = follow(api, asked, (progress) => (bar.value = progress));
+      job = follow(api, api.post(`${path}/plan`, {}), (progress) => (bar.value = progress));
       const { strings, less } = await job.result;
-      const { file } = await api.post(`${path}/keep-plan`, { job: await asked });
+      const { file } = await api.post(`${path}/keep-plan`, { job: await job.id });
       const counts = Object.entries(less).map(([quality, count]) => `${quality} ${count}`);
       said.textContent = `saved beside ${file}; strings that cost less, out of ${strings}: ${counts.join(", ")}`;
     } catch (error) {

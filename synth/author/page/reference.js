@@ -25,7 +25,7 @@ export function mount(element, { store, api }) {
     { "aria-label": "Length of the reference" },
     ...LENGTHS.map((s) => h("option", { value: s, selected: s === 1 }, `${s} s`)),
   );
-  const cancel = h("button", { type: "button", class: "quiet", hidden: true, onclick: () => job?.cancel().catch(() => {}) }, "Cancel");
+  const cancel = h("button", { type: "button", class: "quiet", hidden: true, onclick: () => job?.cancel() }, "Cancel");
   const bar = h("progress", { max: 1, hidden: true, "aria-label": "Reference" });
   const said = h("span", { class: "unit", role: "status" });
   const result = h("div", { class: "reference-result", hidden: true });
@@ -54,8 +54,8 @@ export function mount(element, { store, api }) {
     said.textContent = "";
     try {
       const fields = { note, velocity, seconds, which };
-      const asked = api.post(`/api/docs/${encodeURIComponent(doc.doc)}/reference`, fields).then((answer) => answer.job);
-      job = follow(api, asked, (progress) => (bar.value = progress));
+      const posted = api.post(`/api/docs/${encodeURIComponent(doc.doc)}/reference`, fields);
+      job = follow(api, posted, (progress) => (bar.value = progress));
       const found = await job.result;
       of = about;
       show(found);

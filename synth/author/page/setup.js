@@ -33,7 +33,7 @@ function makeRun({ api, label, id, tip, name }) {
   }
 
   function stop() {
-    job?.cancel().catch(() => {}); // it has ended meanwhile
+    job?.cancel();
   }
 
   /** What is asked for; null where it was stopped or refused. */
@@ -41,8 +41,7 @@ function makeRun({ api, label, id, tip, name }) {
     error.hidden = true;
     busy(true);
     try {
-      const asked = api.post(path, fields).then((answer) => answer.job);
-      job = follow(api, asked, (progress) => progress > 0 && (bar.value = progress));
+      job = follow(api, api.post(path, fields), (progress) => progress > 0 && (bar.value = progress));
       return await job.result;
     } catch (reason) {
       error.textContent = reason.message;
