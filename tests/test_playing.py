@@ -45,13 +45,13 @@ def test_a_hole_in_the_mono_sum_is_found() -> None:
 def test_steps_and_falls_of_brightness() -> None:
     def of(*centroids: float) -> playing.Answer:
         return playing.Answer(
-            load_preset("koto"), {60: np.array(centroids)}, {60: 0.0, 62: -3.0}, 1.0, {60: -20.0}, -10.0, -1.0
+            load_preset("koto"), {60: np.array(centroids)}, {60: -18.0, 62: -21.0}, 1.0, {60: -20.0}, -10.0, -1.0
         )
 
     assert of(100.0, 120.0, 180.0).steepest == pytest.approx(1.5)
     assert of(100.0, 200.0, 150.0, 160.0).darkest == pytest.approx(0.25)
     assert of(100.0, 110.0).darkest == 0.0
-    assert of(100.0, 110.0).spread_db == 3.0
+    assert of(100.0, 110.0).spread == 3.0
     text = playing.table([of(100.0, 120.0, 180.0)])
     assert "**1.50**" in text and "| koto |" in text
 
@@ -63,4 +63,4 @@ def test_a_preset_answers() -> None:
     assert all(centroids.shape == (len(playing.VELOCITIES),) for centroids in found.brightness.values())
     assert found.steepest <= playing.MOST_STEP
     assert found.takes_db > 0.2
-    assert set(found.end_db) < set(found.levels_db)
+    assert set(found.end_db) < set(found.loudness)

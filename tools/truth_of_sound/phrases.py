@@ -1,4 +1,4 @@
-"""Pictures of phrases: the same notes one after the other, ours and as they were recorded, as spectrograms."""
+"""Phrases: the same notes one after the other, ours and as they were recorded. Spectrograms, and how even the notes are."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from truth_of_sound.families import folder_of, note_of, rings
 from truth_of_sound.note_features import RATE_HZ, at_common_rate, onset
 from truth_of_sound.ours import Player
 from truth_of_sound.pictures import FOLDER, kept_small
+from truth_of_sound.playing import loudness_lufs
 
 #: notes of a phrase, and how long each lasts [s]
 NOTES, NOTE_S = 5, 0.8
@@ -54,7 +55,10 @@ PHRASES = (
 
 
 def draw(roots: list[Path], only: list[str]) -> None:
-    """One picture per phrase, or those of the presets named, into `FOLDER`. Raises ValueError, OSError."""
+    """One picture per phrase, or those of the presets named, into `FOLDER`; prints how far notes are apart in loudness.
+
+    Raises ValueError, OSError.
+    """
     FOLDER.mkdir(parents=True, exist_ok=True)
     for phrase in PHRASES:
         if only and phrase.preset not in only:
@@ -62,14 +66,16 @@ def draw(roots: list[Path], only: list[str]) -> None:
         files = chosen(folder_of(phrase.recordings, roots), phrase.lowest)
         figure, axes = plt.subplots(2, 1, figsize=(8.4, 4.6), layout="constrained", sharex=True)
         named = ", ".join(midi_to_note(note) for note in files)
-        _spectrogram(axes[0], ours(phrase.preset, list(files)), f"{phrase.preset}: {named}")
-        _spectrogram(axes[1], recorded(list(files.values())), f"recordings ({phrase.recordings})")
+        played, notes = ours(phrase.preset, list(files)), [_beginning(path) for path in files.values()]
+        _spectrogram(axes[0], played, f"{phrase.preset}: {named}")
+        _spectrogram(axes[1], recorded(notes), f"recordings ({phrase.recordings})")
         axes[1].set_xlabel("time [s]")
         path = FOLDER / f"phrase-{phrase.preset}.png"
         figure.savefig(path, dpi=90)
         plt.close(figure)
         kept_small(path)
-        print(path, flush=True)
+        apart = [np.ptp([loudness_lufs(note) for note in each]) for each in (np.split(played, NOTES), notes)]
+        print(f"{path}: notes {apart[0]:.1f} LU apart, as recorded {apart[1]:.1f} LU", flush=True)
 
 
 def chosen(folder: Path, lowest: int) -> dict[int, Path]:
@@ -96,20 +102,24 @@ def ours(preset: str, notes: list[int]) -> NDArray[np.float64]:
     return Player(load_preset(preset)).play(events, NOTE_S * len(notes)).mean(axis=1)
 
 
-def recorded(files: list[Path]) -> NDArray[np.float64]:
-    """(frames,) of the beginnings of recordings, each as loud as the others."""
-    step, parts = round(NOTE_S * RATE_HZ), []
-    for path in files:
-        samples, rate_hz = read_recording(str(path))
-        x = at_common_rate(samples[: 2 * rate_hz].mean(axis=1), rate_hz)
-        begin = max(0, onset(x) - RATE_HZ // 100)
-        part = np.zeros(step)
-        cut = x[begin : begin + step]
-        part[: cut.size] = cut / np.abs(x).max()
-        fade = RATE_HZ // 50
-        part[-fade:] *= np.linspace(1.0, 0.0, fade)
+def recorded(notes: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """(frames,) of the beginnings of recordings one after the other, each as loud as the others."""
+    fade, parts = np.linspace(1.0, 0.0, RATE_HZ // 50), []
+    for note in notes:
+        part = note / np.abs(note).max()
+        part[-fade.size :] *= fade
         parts.append(part)
     return np.concatenate(parts)
+
+
+def _beginning(path: Path) -> NDArray[np.float64]:
+    """(frames,) of a recording, `NOTE_S` long, from just before its onset."""
+    samples, rate_hz = read_recording(str(path))
+    x = at_common_rate(samples[: 2 * rate_hz].mean(axis=1), rate_hz)
+    begin, part = max(0, onset(x) - RATE_HZ // 100), np.zeros(round(NOTE_S * RATE_HZ))
+    cut = x[begin : begin + part.size]
+    part[: cut.size] = cut
+    return part
 
 
 def _spectrogram(axes: Axes, x: NDArray[np.float64], title: str) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import pyloudnorm
 from numpy.typing import NDArray
 
 from synth.dsp.measures import band_levels_db
@@ -20,7 +21,9 @@ from truth_of_sound.page import marked
 VELOCITIES = tuple(range(16, 128, 8))
 #: aims: brightness may rise by so much from one to the next, and fall by so much (what rounding of a measure is) …
 MOST_STEP, MOST_FALL = 1.30, 0.02
-#: brightness and level are those of the first 0.3 s
+#: … and the loudness of notes may differ by so much [LU]: recorded sets differ by 2 to 7
+MOST_SPREAD = 5.0
+#: brightness and loudness are those of the first 0.3 s
 EARLY_S = 0.3
 #: between two strokes that are compared [s]
 APART_S = 2.0
@@ -28,6 +31,7 @@ APART_S = 2.0
 HELD_S, AFTER_S = 0.5, 0.1
 #: octave bands of the sum of both sides [Hz]; those weaker than this below the strongest do not count [dB]
 _BANDS_HZ, _WEAK_DB = tuple(62.5 * 2.0**k for k in range(8)), 40.0
+_METER = pyloudnorm.Meter(RATE_HZ, block_size=EARLY_S)
 
 
 @dataclass(frozen=True)
@@ -35,7 +39,7 @@ class Answer:
     """Of one preset.
 
     brightness: {note: centroid at `VELOCITIES` [Hz]}
-    levels_db: {note: level at velocity 80} over the compass
+    loudness: {note: that at velocity 80, weighted as ITU-R BS.1770 does [LUFS]} over the compass
     takes_db: how far two equal strokes are apart
     end_db: {note: level 100 ms after its end over that before}
     sides_db: how far left and right differ
@@ -44,7 +48,7 @@ class Answer:
 
     preset: Preset
     brightness: dict[int, NDArray[np.float64]]
-    levels_db: dict[int, float]
+    loudness: dict[int, float]
     takes_db: float
     end_db: dict[int, float]
     sides_db: float
@@ -61,9 +65,9 @@ class Answer:
         return max(float((1.0 - c / np.maximum.accumulate(c)).max()) for c in self.brightness.values())
 
     @property
-    def spread_db(self) -> float:
-        """Of the levels."""
-        return max(self.levels_db.values()) - min(self.levels_db.values())
+    def spread(self) -> float:
+        """Of the loudness of notes [LU]."""
+        return max(self.loudness.values()) - min(self.loudness.values())
 
 
 def answer(preset: Preset) -> Answer:
@@ -76,13 +80,13 @@ def answer(preset: Preset) -> Answer:
         for note in (notes[0], notes[2])
     }
     middle = {note: player.stroke(note, 80, 1.0) for note in notes}
-    levels = {note: level_db(x[: round(EARLY_S * RATE_HZ)]) for note, x in middle.items()}
+    loudness = {note: loudness_lufs(x) for note, x in middle.items()}
     left, right = np.concatenate(list(middle.values())).T
     apart = level_db(left - right) - level_db(left + right) if np.any(left != right) else -np.inf
     return Answer(
         preset,
         brightness,
-        levels,
+        loudness,
         takes_apart_db(*player.takes(notes[2], 80)),
         {note: player.end_db(note) for note in dict.fromkeys(notes[1:4])},
         apart,
@@ -133,6 +137,11 @@ def level_db(x: NDArray[np.float64]) -> float:
     return float(10.0 * np.log10(np.mean(np.square(x)) + 1e-20))
 
 
+def loudness_lufs(x: NDArray[np.float64]) -> float:
+    """Of the first 0.3 s of samples (frames,) or (frames, sides), as ITU-R BS.1770 weights them."""
+    return float(_METER.integrated_loudness(x[: round(EARLY_S * RATE_HZ)]))
+
+
 def takes_apart_db(first: NDArray[np.float64], again: NDArray[np.float64]) -> float:
     """Median over third octaves with sound of how far their levels differ."""
     edges = 50.0 * 2.0 ** (np.arange(25) / 3.0)
@@ -155,7 +164,8 @@ def table(answers: list[Answer]) -> str:
     """One row per preset; what misses an aim is bold."""
     columns = (
         "preset", "brightness, soft to loud [Hz]", f"largest step (at most {MOST_STEP:g})", "largest fall (at most 2 %)",
-        "strings apart [dB]", "takes apart [dB]", "100 ms after the note's end [dB]", "left − right over left + right [dB]",
+        f"notes apart (at most {MOST_SPREAD:g}) [LU]",
+        "takes apart [dB]", "100 ms after the note's end [dB]", "left − right over left + right [dB]",
         "weakest band of the mono sum [dB]",
     )  # fmt: skip
     lines = [f"| {' | '.join(columns)} |", f"| {' | '.join('---' for _ in columns)} |"]
@@ -167,7 +177,7 @@ def table(answers: list[Answer]) -> str:
             colours,
             marked(f"{each.steepest:.2f}", each.steepest > MOST_STEP),
             marked(f"{100.0 * each.darkest:.0f} %", each.darkest > MOST_FALL),
-            f"{each.spread_db:.1f}",
+            marked(f"{each.spread:.1f}", each.spread > MOST_SPREAD),
             f"{each.takes_db:.1f}",
             ends,
             marked("mono" if np.isinf(each.sides_db) else f"{each.sides_db:.0f}", bool(np.isinf(each.sides_db))),
