@@ -10,9 +10,10 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
 
-from bench import count, float32, kernels, peak, report, scenes
-from bench.aims import Aim, aim_of
-from bench.kernels import HOLD, Setting
+from benchmarks import count, float32, kernels, peak, report, scenes
+from benchmarks.aims import Aim, aim_of
+from benchmarks.kernels import HOLD, Setting
+
 from synth.solver.lanes import LANES
 
 

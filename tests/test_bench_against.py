@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -11,10 +12,10 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
 
+from benchmarks import coupled_scenes, report, scenes, versus
 from in_turn.session import Failed, in_turn
-from same_sound.trees import ROOT, Side
+from same_sound.trees import ROOT, TOOLS, Side
 
-from bench import coupled_scenes, report, scenes, versus
 from synth.midi.song import read_song
 
 HERE = Side("this tree", ROOT)
@@ -79,13 +80,14 @@ def test_the_ratio_is_of_the_other_commit_to_this_tree() -> None:
 
 
 def test_without_another_commit_nothing_is_compared() -> None:
-    words = [sys.executable, "-m", "pytest", "bench/test_against.py", "--collect-only", "-q"]
+    words = [sys.executable, "-m", "pytest", "tools/benchmarks/test_against.py", "--collect-only", "-q"]
     assert f"{len(versus.NAMES)} deselected" in subprocess.run(words, cwd=ROOT, capture_output=True, text=True).stdout
     done = subprocess.run([*words, "--against=HEAD"], cwd=ROOT, capture_output=True, text=True)
     assert f"{len(versus.NAMES)} tests collected" in done.stdout
 
 
 def test_a_commit_that_is_none_is_refused_before_anything_is_measured() -> None:
-    words = [sys.executable, "-m", "bench", "--only", "against", "--against", "no-such-commit"]
-    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True)
+    words = [sys.executable, "-m", "benchmarks", "--only", "against", "--against", "no-such-commit"]
+    environment = os.environ | {"PYTHONPATH": str(TOOLS)}
+    done = subprocess.run(words, cwd=ROOT, env=environment, capture_output=True, text=True)
     assert done.returncode == 2 and done.stderr.startswith("tools/bench: error: BASE must be a commit of")

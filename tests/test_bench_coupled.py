@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from bench import coupled_scenes, karplus_strong
-from bench.plain_coupled import PlainInstrument, exact_step
+sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
+
+from benchmarks import coupled_scenes, karplus_strong
+from benchmarks.plain_coupled import PlainInstrument, exact_step
+
 from synth.instrument.preset import load_preset
 from synth.midi.events import BEND, NOTE_ON, make_events
 from synth.physics.coupled import CoupledStrings, Place

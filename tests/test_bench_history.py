@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from dataclasses import replace
@@ -12,13 +13,14 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
 
+from benchmarks import aims, history, pages, scenes
+from benchmarks.history import Run
 from documentation import page
 from documentation.machine import Machine, here
 
-from bench import aims, history, pages, scenes
-from bench.history import Run
-
 ROOT = Path(__file__).resolve().parents[1]
+#: an environment that finds the benchmarks
+FINDS = os.environ | {"PYTHONPATH": str(ROOT / "tools")}
 XEON = Machine("Intel(R) Xeon(R) Processor", 2701, 2, {"L2": 2048})
 EPYC = Machine("AMD EPYC", 2596, 2, {"L1": 48, "L2": 1024, "L3": 32768})
 
@@ -262,18 +264,17 @@ def test_a_machine_is_what_the_system_says(tmp_path: Path) -> None:
     ],
 )
 def test_options_that_contradict_each_other_are_refused(words: list[str], said: str) -> None:
-    done = subprocess.run([sys.executable, "-m", "bench", *words], cwd=ROOT, capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-m", "benchmarks", *words], cwd=ROOT, env=FINDS, capture_output=True, text=True)
     assert done.returncode == 2 and said in done.stderr and not done.stdout
 
 
 def test_an_unreadable_history_is_said_before_anything_is_measured(tmp_path: Path) -> None:
     bad = tmp_path / "bad.jsonl"
     bad.write_text("{\n")
-    program = (
-        f"from pathlib import Path; from bench import history, __main__\nhistory.read.__defaults__ = (Path({str(bad)!r}),)"
-    )
+    program = "from pathlib import Path; from benchmarks import history, __main__\n"
+    program += f"history.read.__defaults__ = (Path({str(bad)!r}),)"
     done = subprocess.run(
         [sys.executable, "-c", f"{program}\nraise SystemExit(__main__.main())", "--only", "peak"],
-        cwd=ROOT, capture_output=True, text=True,
+        cwd=ROOT, env=FINDS, capture_output=True, text=True,
     )  # fmt: skip
     assert done.returncode == 2 and f"tools/bench: error: {bad}, line 1: must be JSON" in done.stderr

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -10,9 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.collisions import FOLDER, VERSION, ContestError, __main__, entries, report, runfile, scene
-from bench.collisions.resample import interpolated
-from bench.collisions.score import Score, horizon, score, shown
+sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
+
+from benchmarks.collisions import FOLDER, VERSION, ContestError, commands, entries, report, runfile, scene
+from benchmarks.collisions.resample import interpolated
+from benchmarks.collisions.score import Score, horizon, score, shown
 
 ROOT = Path(__file__).resolve().parents[1]
 NAMES = scene.names()
@@ -31,7 +34,7 @@ def copy(name=NAME, **more):
 
 def main(monkeypatch, *words) -> int:
     monkeypatch.setattr(sys, "argv", ["collisions", *map(str, words)])
-    return __main__.main()
+    return commands.main()
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -311,8 +314,8 @@ def test_scores_say_on_which_machine_they_ran(tmp_path):
 
 
 def test_entries_of_every_scheme_are_in_the_page():
-    """Its tables are those of the entries: `python -m bench.collisions page`."""
-    from bench.collisions import pagetables
+    """Its tables are those of the entries: `tools/collisions page`."""
+    from benchmarks.collisions import pagetables
 
     text = (ROOT / "docs" / "collisions.md").read_text(encoding="utf-8")
     for name, part in pagetables.parts().items():
@@ -327,6 +330,9 @@ def test_entries_of_every_scheme_are_in_the_page():
 
 def test_the_scorer_loads_no_solver():
     """NumPy and the measures: another group scores without compiling anything."""
-    words = "import sys; from bench.collisions import __main__; print(*{m.partition('.')[0] for m in sys.modules})"
-    done = subprocess.run([sys.executable, "-c", words], cwd=ROOT, capture_output=True, text=True, check=True)
+    words = "import sys; from benchmarks.collisions import commands; print(*{m.partition('.')[0] for m in sys.modules})"
+    environment = os.environ | {"PYTHONPATH": str(ROOT / "tools")}
+    done = subprocess.run(
+        [sys.executable, "-c", words], cwd=ROOT, env=environment, capture_output=True, text=True, check=True
+    )
     assert "numpy" in done.stdout.split() and not {"numba", "scipy", "pydantic"} & set(done.stdout.split())

@@ -6,13 +6,16 @@ import json
 import shutil
 import sys
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from bench.collisions import __main__, blind, recipes, scene
-from bench.collisions.examples import kicks
-from bench.collisions.ways import way
+sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
+
+from benchmarks.collisions import blind, commands, recipes, scene
+from benchmarks.collisions.examples import kicks
+from benchmarks.collisions.ways import way
 
 SEED = 7
 #: agrees with itself, in a moment
@@ -21,13 +24,13 @@ QUICK = way("exact-hold", 16, 60, residual_compliance=False)
 
 def main(monkeypatch, *words) -> int:
     monkeypatch.setattr(sys, "argv", ["collisions", *map(str, words)])
-    return __main__.main()
+    return commands.main()
 
 
 @pytest.fixture
 def quick(monkeypatch, tmp_path):
     monkeypatch.setattr(recipes, "BLIND", recipes.Recipe(QUICK, {"itself": QUICK}, {"itself": QUICK}))
-    monkeypatch.setattr(__main__, "OUT", tmp_path / "out")
+    monkeypatch.setattr(commands, "OUT", tmp_path / "out")
     monkeypatch.setattr(blind, "DURATION_S", 0.05)
     monkeypatch.setattr(blind, "WINDOWS_S", [0.02, 0.05])
 

@@ -10,10 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.collisions import contest, neutral, recipes, references, scene, ways
-from bench.collisions.examples import kicks
-from bench.collisions.recipes import Kicks, Recipe
-from bench.collisions.ways import way
+sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
+
+from benchmarks.collisions import contest, neutral, recipes, references, scene, ways
+from benchmarks.collisions.examples import kicks
+from benchmarks.collisions.recipes import Kicks, Recipe
+from benchmarks.collisions.ways import way
+
 from synth.dsp.measures import relative_error
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -128,12 +131,12 @@ def test_free_flight_of_the_example_is_exact():
 
 def test_the_example_runs_and_is_scored(tmp_path):
     """As docs/collisions.md says, in processes of their own, NumPy alone."""
-    example = ROOT / "bench" / "collisions" / "examples" / "kicks.py"
+    example = ROOT / "tools" / "benchmarks" / "collisions" / "examples" / "kicks.py"
     runs, found = [tmp_path / "4.npz", tmp_path / "8.npz"], tmp_path / "found.json"
     for run in runs:
         solver = [sys.executable, "-I", str(example), str(scene.SCENES / "cabannes.json"), str(run), "--factor", run.stem]
         subprocess.run(solver, cwd=tmp_path, check=True)
-    scoring = [sys.executable, "-m", "bench.collisions", "score", *map(str, runs), "--json", str(found)]
+    scoring = [sys.executable, str(ROOT / "tools" / "collisions"), "score", *map(str, runs), "--json", str(found)]
     done = subprocess.run(scoring, cwd=ROOT, capture_output=True, text=True, check=True)
     assert "| 4.npz | " in done.stdout and "| 8.npz | " in done.stdout and done.stderr == ""
     coarse, fine = json.loads(found.read_text(encoding="utf-8"))["scores"]

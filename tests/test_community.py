@@ -1,6 +1,7 @@
 """The files that a repository is expected to have: they can be read, and what they name is there."""
 
 import re
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +56,14 @@ def test_the_workflow_runs_what_there_is() -> None:
             cli.command_parser().parse_args(words[1:])
     files = [word for command in commands for word in command.split() if word.startswith("presets/")]
     assert files and all((ROOT / file).is_file() for file in files)
+
+
+def test_what_is_packed_is_there() -> None:
+    tools = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]
+    targets = tools["hatch"]["build"]["targets"]
+    paths = [*targets["sdist"]["include"], *targets["wheel"]["packages"], *targets["wheel"]["force-include"]]
+    assert [path for path in paths if not (ROOT / path.lstrip("/")).exists()] == []
+    assert [pattern for pattern in tools["ruff"]["lint"]["per-file-ignores"] if not list(ROOT.glob(pattern))] == []
 
 
 @pytest.mark.parametrize("path", FORMS, ids=lambda path: path.name)

@@ -20,7 +20,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tools"))
 from notebook_pages import made, source
 
 ROOT = Path(__file__).resolve().parents[1]
-SOURCES = sorted((ROOT / "notebooks").glob("*.py"))
+SOURCES = sorted((ROOT / "docs" / "notebooks").glob("*.py"))
 NAMES = [path.stem for path in SOURCES]
 PAGE = (ROOT / "docs" / "paper-figures.md").read_text(encoding="utf-8")
 
@@ -62,9 +62,9 @@ def between(name: str) -> str:
 
 
 def test_all_of_it_is_small_and_nothing_is_left_over() -> None:
-    files = [*(ROOT / "notebooks").iterdir(), *(ROOT / "docs" / "paper").iterdir()]
+    files = [*(ROOT / "docs" / "notebooks").iterdir(), *(ROOT / "docs" / "paper").iterdir()]
     assert sum(path.stat().st_size for path in files if path.is_file()) <= 2_000_000
-    assert {path.stem for path in (ROOT / "notebooks").glob("*.ipynb")} == set(NAMES)
+    assert {path.stem for path in (ROOT / "docs" / "notebooks").glob("*.ipynb")} == set(NAMES)
     assert {path.stem for path in (ROOT / "docs" / "paper").iterdir()} == set(NAMES)
 
 
@@ -107,8 +107,8 @@ with made.kernel() as kernel:
 
 
 def test_another_source_is_noticed(tmp_path: Path) -> None:
-    kept = (ROOT / "notebooks" / "figure-6.ipynb").read_text(encoding="utf-8")
-    text = (ROOT / "notebooks" / "figure-6.py").read_text(encoding="utf-8")
+    kept = (ROOT / "docs" / "notebooks" / "figure-6.ipynb").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / "notebooks" / "figure-6.py").read_text(encoding="utf-8")
     (tmp_path / "figure-6.py").write_text(text)
     assert not made.is_of(tmp_path / "figure-6.ipynb", tmp_path / "figure-6.py")
     (tmp_path / "figure-6.ipynb").write_text(kept)

@@ -18,6 +18,7 @@ import pytest
 import synth.study.work.running as running
 from synth.cli import main
 from synth.cli.counting import RowsLine
+from synth.instrument.preset import list_presets, preset_folder
 from synth.study import columns, sweeping
 from synth.study.addressing import Addresses
 from synth.study.conducting import Counts
@@ -32,7 +33,7 @@ from synth.units import duration
 from tests.patience import until
 
 TOOLS = Path(__file__).resolve().parents[1] / "tools"
-STUDIES = TOOLS.parent / "studies"
+STUDIES = preset_folder() / "studies"
 ROWS = """
 import os, signal, time
 import numpy as np
@@ -677,10 +678,36 @@ def test_a_study_of_notes(tmp_path: Path) -> None:
     assert table["peak"][2] > table["peak"][0] and abs(table["pitch_cents"]).max() < 30
 
 
+def test_studies_come_with_the_program() -> None:
+    assert {path.stem for path in STUDIES.glob("*.toml")} == {"tanpura-convergence", "tanpura-jiva"}
+    assert not {preset.name for preset in list_presets()} & {path.stem for path in STUDIES.glob("*.toml")}
+
+
 @pytest.mark.parametrize("path", sorted(STUDIES.glob("*.toml")), ids=lambda path: path.stem)
-def test_studies_that_come_with_the_program_can_be_run(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_studies_that_come_with_the_program_can_be_run(
+    path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """By their file, and by their name in any folder, also one that has a folder of that name."""
     assert main(["sweep", str(path), "--check"]) == 0
-    assert " rows; " in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert " rows; " in said
+    (tmp_path / path.stem).mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert main(["sweep", path.stem, "--check"]) == 0 and capsys.readouterr().out == said
+
+
+def test_a_study_that_is_not_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for given, told in (
+        ("tanpura-jivaa", "there is no study 'tanpura-jivaa' (perhaps tanpura-jiva?): give a file that ends in .toml"),
+        ("none.toml", "none.toml: No such file"),
+        (".", "there is no study '.'"),
+    ):
+        assert main(["sweep", given, "--check"]) == 2
+        said = capsys.readouterr()
+        assert told in said.err and said.err.count("\n") == 1 and said.out == ""
 
 
 PLOTTED = """

@@ -247,7 +247,7 @@ f = np.arange(50.0, 1000.0, 0.5)
 y = 2j * np.pi * f / (0.3 * ((2 * np.pi * 200) ** 2 - (2 * np.pi * f) ** 2 + 2j * np.pi * f * 2 * np.pi * 200 / 20))
 rows = [f"{a},{b.real},{b.imag}" for a, b in zip(f, y)]
 Path("bridge.csv").write_text("\\n".join(["frequency_hz,y11_re,y11_im", *rows]) + "\\n")
-Path("STUDY.toml").write_text(Path("studies/tanpura-jiva.toml").read_text())
+Path("STUDY.toml").write_text(Path("presets/studies/tanpura-jiva.toml").read_text())
 Path("RECIPE.toml").write_text(next(Path("presets/recipes").glob("*.toml")).read_text())
 END"""
 

@@ -23,7 +23,6 @@ _ENDINGS = {
     "FILE.kbm": ("kbm",),
     "RUN.npz": ("npz",),
     "MOBILITY.csv": ("csv",),
-    "STUDY": ("toml",),
 }
 #: …and what is written, or of any kind
 _FILES = ("FILE", "PATH", "OUT", "TAKE.wav", "NEW.toml", "BODY.toml", "FILE.csv", "FILE.png")
@@ -48,7 +47,7 @@ end
 """,
 }
 
-#: a function of each shell that offers {names} of presets, of cases or of recipes (the {kind}), and files of one's own
+#: a function of each shell that offers {names} of presets, cases, recipes or studies (the {kind}), and files of one's own
 _FUNCTIONS = {
     "bash": """
 _synth_{kind}() {
@@ -105,6 +104,7 @@ def script(root: argparse.ArgumentParser, shell: str) -> str:
         "presets": sorted(path.stem for path in own.glob("*.toml")),
         "cases": sorted(path.relative_to(cases).with_suffix("").as_posix() for path in cases.rglob("*.toml")),
         "recipes": sorted(path.stem for path in (own / "recipes").glob("*.toml")),
+        "studies": sorted(path.stem for path in (own / "studies").glob("*.toml")),
     }
     shipped = list_presets()
     values = {
@@ -125,6 +125,8 @@ def script(root: argparse.ArgumentParser, shell: str) -> str:
             what = {"bash": "_synth_presets", "zsh": "_synth_presets", "fish": "(_synth_presets)"}
         elif kind == "RECIPE":
             what = {"bash": "_synth_recipes", "zsh": "_synth_recipes", "fish": "(_synth_recipes)"}
+        elif kind == "STUDY":
+            what = {"bash": "_synth_studies", "zsh": "_synth_studies", "fish": "(_synth_studies)"}
         elif kind in of_metavar:
             function = f"_synth_{of_metavar[kind]}"
             what = {"bash": function, "zsh": function, "fish": f"({function})"}

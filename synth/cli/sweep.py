@@ -30,7 +30,12 @@ def add(commands: Any) -> None:
         description="Computes the rows of a study (TOML) that its folder lacks. If it is stopped or killed, the same "
         "command resumes.",
     )
-    parser.add_argument("study", metavar="STUDY", nargs="?", help="a .toml file; with --status it may be left out")
+    parser.add_argument(
+        "study",
+        metavar="STUDY",
+        nargs="?",
+        help="a .toml file, or one of the program by name (tanpura-jiva); with --status it may be left out",
+    )
     parser.add_argument("-o", "--output", metavar="FOLDER", help="folder of the study (default: STUDY.sweep)")
     parser.add_argument(
         "--workers", type=common.number(int, 0, 4096), metavar="N",
@@ -70,7 +75,7 @@ def _sweep(options: argparse.Namespace) -> int:
             raise ValueError("--status reads a folder; leave out the study")
         return _status(Path(options.status), options.json)
     if options.study is None:
-        raise ValueError("the study is missing: give a .toml file, or --status FOLDER")
+        raise ValueError("the study is missing: give a .toml file or a name, or --status FOLDER")
     if options.scheduler is not None and options.workers is not None:
         raise ValueError("--workers run on this machine, --scheduler has its own workers; give one of them")
     _needed(options.plot)

@@ -12,6 +12,7 @@ from pydantic import Discriminator, Field, Tag, ValidationError, model_validator
 
 from synth.files.sources import read_bytes
 from synth.instrument.faults import value_got, wanted
+from synth.instrument.preset import preset_folder
 from synth.instrument.table import Table
 from synth.research.case import OVERRIDES
 from synth.spelling import perhaps
@@ -171,20 +172,38 @@ def canonical(name: str) -> str:
     return ".".join(OVERRIDES[name]) if name in OVERRIDES else name
 
 
+def study_path(name_or_path: str | os.PathLike[str]) -> Path:
+    """The file of a study, or of one that comes with the program by name. Raises StudyError where there is none."""
+    path = Path(name_or_path)
+    if path.suffix == ".toml" or (path.exists() and not path.is_dir()):  # a pipe too
+        return path
+    folder = preset_folder() / "studies"
+    names = [each.stem for each in sorted(folder.glob("*.toml"))]
+    name = os.fspath(name_or_path)
+    if name not in names:
+        raise StudyError(
+            f"there is no study {name!r}{perhaps(name, names)}: give a file that ends in .toml, or one of {', '.join(names)}"
+        )
+    return folder / f"{name}.toml"
+
+
 def read_study(study: str | os.PathLike[str] | Mapping[str, Any] | Study) -> tuple[Study, Path, str]:
-    """A study, the folder that its files count from, and its name in messages. Raises StudyError or OSError."""
+    """A study, by its tables, file or name, the folder that its files count from, and what messages call it.
+
+    Raises StudyError or OSError.
+    """
     if isinstance(study, Study):
         return study, Path(), "study"
     if isinstance(study, Mapping):
         return _validated(dict(study), "study"), Path(), "study"
-    path = Path(study)
+    origin, path = os.fspath(study), study_path(study)
     data = read_bytes(path, MOST_BYTES, "study")
     try:
         tables = tomllib.loads(data.decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
-        raise StudyError(f"{path}: not valid TOML: {error}") from None
+        raise StudyError(f"{origin}: not valid TOML: {error}") from None
     tables.setdefault("name", path.stem)
-    return _validated(tables, str(path)), path.parent, str(path)
+    return _validated(tables, origin), path.parent, origin
 
 
 def _validated(tables: Mapping[str, Any], origin: str) -> Study:

@@ -71,7 +71,7 @@ def sweep(
 ) -> pandas.DataFrame:
     """Computes all rows of a study that its folder does not have yet, and returns its table.
 
-    study     a file (docs/sweep.md has its tables), these tables as a dict, or a `Study`
+    study     a file (docs/sweep.md has its tables), one of the program by name, these tables as a dict, or a `Study`
     folder    where it is kept; made where there is none. Stopped, killed, or changed: the same call goes on
     workers   processes of this machine, one thread each (default: one for each processor); 0: none, a loop in this process
     scheduler address of a Dask scheduler whose workers take the place of these

@@ -30,6 +30,8 @@ LINES = [
     ("synth author my", ["my.toml"]),
     ("synth simulate hard/two", ["hard/two-close"]),
     ("synth simulate my", ["my.toml"]),
+    ("synth sweep tanpura-j", ["tanpura-jiva"]),
+    ("synth sweep my", ["my.toml"]),
     ("synth export tanpura jawari", ["jawari-harp"]),
     ("synth export tanpura --target win", ["windows-x86-64"]),
 ]

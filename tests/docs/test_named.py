@@ -9,7 +9,7 @@ REPOSITORY = Path(__file__).resolve().parents[2]
 PAGES = [REPOSITORY / name for name in ("README.md", "docs")]
 PAGES = sorted(path for page in PAGES for path in ([page] if page.is_file() else page.rglob("*.md")))
 #: `tests/a.py::test_b`, `tools/demo`, `synth/physics/`, not `tools/NAME` nor a pattern
-_PATH = re.compile(r"`(?:\./)?((?:tests|tools|synth|presets|docs|bench)/[a-z][\w./-]*)(?:::(\w+))?[^`*]*`")
+_PATH = re.compile(r"`(?:\./)?((?:tests|tools|synth|presets|docs)/[a-z][\w./-]*)(?:::(\w+))?[^`*]*`")
 _TEST = re.compile(r"`(test_\w+)`")
 
 

@@ -105,6 +105,12 @@ def test_every_page_is_built_and_can_be_reached(site: Path) -> None:
     assert {site / path for path in wanted} <= reached
 
 
+def test_notebooks_stay_out_of_it(site: Path) -> None:
+    assert {path.suffix for path in (DOCS / "notebooks").iterdir() if path.is_file()} == {".py", ".ipynb"}
+    assert not (site / "notebooks").exists()
+    assert not [path for path in site.rglob("*") if path.suffix in (".py", ".ipynb")]
+
+
 def test_every_link_anchor_picture_and_sound_is_there(site: Path) -> None:
     assert links.broken(site) == []
 
