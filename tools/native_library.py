@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import ctypes
 import os
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -17,8 +16,6 @@ sys.path.insert(0, str(ROOT))
 
 #: what the sanitized library watches, and is made with
 SANITIZE = ("-fsanitize=address,undefined", "-fno-sanitize-recover=undefined", "-fno-omit-frame-pointer", "-g")
-#: share of the sound that rounding may change: modes are float32, and strings that touch are chaotic
-ROUNDING = 1e-3
 #: tests that load the library into a program of its own, which the sanitizers would have to be a part of
 NOT_SANITIZED = ("--ignore=tests/plugin/test_library.py", "--deselect=tests/plugin/test_lv2.py::test_a_host_runs_it")
 
@@ -30,7 +27,6 @@ def main() -> int:
         "--sanitize", action="store_true", help="run the plugin tests with address and undefined-behaviour sanitizers"
     )
     parser.add_argument("--time", action="store_true", help="print the time to build, to load and to restore a state")
-    parser.add_argument("--aarch64", action="store_true", help="play with kernels for AArch64, under qemu (needs ziglang)")
     given, more = parser.parse_known_args()
     from synth.plugin.library import build
 
@@ -40,8 +36,6 @@ def main() -> int:
         return sanitize(more)
     if given.time:
         measure()
-    if given.aarch64:
-        return on_aarch64()
     return 0
 
 
@@ -77,51 +71,6 @@ def sanitize(arguments: list[str]) -> int:
             *arguments,
         ]
         return subprocess.run(command, cwd=ROOT, env=environment, check=False).returncode
-
-
-def on_aarch64() -> int:
-    """Builds a program of the core's C part and kernels for AArch64, lets it play, and prints how far that is from here; 1
-    if that is more than rounding, 2 if it cannot be tried."""
-    from synth.plugin import links
-    from synth.plugin.c_sources import sources
-    from synth.plugin.library import SOURCES, kernels_version, zig
-    from synth.plugin.platforms import TARGETS
-
-    if shutil.which("qemu-aarch64") is None or zig() is None:
-        print("qemu-aarch64 (apt-get install qemu-user) and ziglang (pip install ziglang) are needed", file=sys.stderr)
-        return 2
-    import numpy as np
-
-    from synth.engine.engine import Engine
-    from synth.instrument.preset import load_preset
-    from synth.midi.events import NOTE_ON
-    from synth.plugin.bankfile import bank
-    from synth.plugin.emit import emit
-    from tests.engine.kit import play
-
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        emit("aarch64", folder / "kernels.o", TARGETS["linux-arm64"])
-        told = links.made(["aarch64"], version="", kernels=kernels_version(), sources="")
-        (folder / "levels.c").write_text(told, encoding="utf-8")
-        core = [str(path) for path in sources(TARGETS["linux-arm64"], "engine")]
-        written = [str(ROOT / "tests" / "plugin" / "playbank.c"), str(folder / "levels.c")]
-        what = [f"-I{SOURCES}", *written, *core, str(folder / "kernels.o"), "-lm"]
-        compiler = [sys.executable, "-m", "ziglang", "cc", "-target", "aarch64-linux-musl", "-static", "-O2", "-std=gnu11"]
-        subprocess.run([*compiler, "-o", str(folder / "play"), *what], check=True)
-        other = False
-        for preset in map(load_preset, ("tanpura-light", "fretted-bass", "jawari-harp")):
-            (folder / "bank").write_bytes(bank([preset], [44100.0]))
-            player = ["qemu-aarch64", str(folder / "play"), str(folder / "bank"), str(folder / "sound")]
-            subprocess.run(player, check=True)
-            engine = Engine([preset])
-            engine.prepare(44100.0)
-            here = play(engine, [(0, NOTE_ON, 0, 48, 100), (99, NOTE_ON, 0, 43, 100)], 20000)[:, 0]
-            there = np.fromfile(folder / "sound")
-            difference = np.abs(here - there).max()
-            print(f"{preset.name}: level {np.abs(here).max():.3f}, difference at most {difference:.2g}")
-            other = other or not np.linalg.norm(here - there) < ROUNDING * np.linalg.norm(here)
-    return int(other)
 
 
 def measure() -> None:

@@ -30,12 +30,12 @@ def base_frequencies(string: String, n: int) -> np.ndarray:
 def nut_mobility(string: String, omega: np.ndarray | float) -> np.ndarray:
     """Y_nut(ω) = Σ iω/(m(ω_n² − ω² + iωω_n/Q)) [m/(N s)], complex, for e^(+iωt); ω in rad/s, any shape."""
     omega = np.asarray(omega, dtype=np.float64)
-    mobility = np.zeros(omega.shape, dtype=np.complex128)
-    for mode in string.nut:
-        omega_n = 2.0 * math.pi * mode.frequency_hz
-        stiffness = mode.mass_kg * (omega_n**2 - omega**2 + 1j * omega * omega_n / mode.q)
-        mobility += 1j * omega / stiffness
-    return mobility
+    if not string.nut:
+        return np.zeros(omega.shape, dtype=np.complex128)
+    rows = [(2.0 * math.pi * mode.frequency_hz, mode.mass_kg, mode.q) for mode in string.nut]
+    omega_n, mass, q = np.array(rows).T.reshape(3, -1, *(1,) * omega.ndim)
+    each = 1j * omega / (mass * (omega_n**2 - omega**2 + 1j * omega * omega_n / q))
+    return np.add.accumulate(each)[-1]  # one after the other, whatever the shape
 
 
 def model_frequencies(string: String, n: int) -> np.ndarray:

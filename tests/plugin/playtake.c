@@ -1,4 +1,5 @@
-/* playtake LIBRARY BANK RATE FRAMES BLOCK EVENTS OUT: plays events with a native library, on the systems that it is made for.
+/* playtake LIBRARY BANK RATE FRAMES BLOCK EVENTS OUT [THREADS]: plays events with a native library, on the systems that it is
+ * made for, with one thread unless told.
  *
  * EVENTS is a file of jawari_event, in order of their frames, which count from the beginning. OUT gets FRAMES frames of two
  * channels, as double, interleaved. Says what went wrong, with exit code 1. */
@@ -27,9 +28,10 @@ static int fail(const char *what, const char *why) {
 }
 
 int main(int given, char **argument) {
-    if (given != 8)
-        return fail("usage", "playtake LIBRARY BANK RATE FRAMES BLOCK EVENTS OUT");
+    if (given != 8 && given != 9)
+        return fail("usage", "playtake LIBRARY BANK RATE FRAMES BLOCK EVENTS OUT [THREADS]");
     char why[JAWARI_WHY] = "it has no such function";
+    const int threads = given == 9 ? atoi(argument[8]) : 1;
     const int frames = atoi(argument[4]), block = atoi(argument[5]);
     void *library = opened(argument[1]);
     if (library == NULL)
@@ -40,7 +42,7 @@ int main(int given, char **argument) {
     void (*process)(jawari_engine *, const jawari_event *, int32_t, int32_t, double *, double *) =
         (void (*)(jawari_engine *, const jawari_event *, int32_t, int32_t, double *, double *))found(library, "jawari_process");
     jawari_bank *bank = open ? open(argument[2], why) : NULL;
-    jawari_engine *engine = bank && create ? create(bank, atof(argument[3]), 1, why) : NULL;
+    jawari_engine *engine = bank && create ? create(bank, atof(argument[3]), threads, why) : NULL;
     if (engine == NULL || process == NULL)
         return fail(argument[2], why);
     FILE *in = fopen(argument[6], "rb"), *out = fopen(argument[7], "wb");

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from synth.engine.engine import Engine
 from synth.instrument.preset import load_preset
 from synth.midi.events import EVENT, NOTE_ON
 from synth.plugin import bankfile
@@ -22,6 +23,7 @@ from synth.plugin.emit import table_symbol
 from synth.plugin.links import compiling
 from synth.plugin.platforms import TARGETS, WEB, Target
 from synth.plugin.wasmbank import with_own_bank
+from tests.engine.kit import play
 
 from .emulated import compiled, run, started
 from .native import Bank, Library, Refused
@@ -245,25 +247,48 @@ def test_a_plugin_sounds_on_another_system_bit_for_bit(portable, two_notes, tmp_
     np.testing.assert_array_equal(played, expected.astype(np.float32))
 
 
+def _there(
+    target: Target, native: Path, bank: Path, notes: np.ndarray, frames: int, folder: Path, threads: int = 1
+) -> np.ndarray:
+    """(frames, 2) as a library of another system plays notes with a bank."""
+    start, program = started(target), compiled("playtake.c", target, folder)
+    notes.tofile(folder / "events")
+    place, data = shutil.copy(native, folder), shutil.copy(bank, folder / "played.jawari")
+    given = [f"./{Path(place).name}", Path(data).name, str(RATE_HZ), str(frames), "256", "events", "sound", str(threads)]
+    settings = {"WINEPREFIX": str(folder / "wine"), "WINEDEBUG": "-all"}
+    run([*start, str(program), *given], cwd=folder, env=os.environ | settings)
+    return np.fromfile(folder / "sound").reshape(-1, 2)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["windows-x86-64", "linux-arm64"])
 def test_without_contacts_fast_kernels_differ_by_rounding_alone(fast, library, tmp_path, name):
     """Three seconds of a harp's string: what no contact enlarges stays below 1e-6 of full scale."""
     target, frames = TARGETS[name], 3 * 44100
-    start, program = started(target), compiled("playtake.c", target, tmp_path)
+    started(target)  # skips before anything is built
     (tmp_path / "harp.jawari").write_bytes(bankfile.bank([load_preset("harp")], [RATE_HZ]))
     note = np.array([(0, NOTE_ON, 0, 48, 100, 0.0)], EVENT)
-    note.tofile(tmp_path / "events")
-    place = shutil.copy(fast(target), tmp_path)
-    given = [f"./{Path(place).name}", "harp.jawari", str(RATE_HZ), str(frames), "256", "events", "sound"]
-    settings = {"WINEPREFIX": str(tmp_path / "wine"), "WINEDEBUG": "-all"}
-    run([*start, str(program), *given], cwd=tmp_path, env=os.environ | settings)
-    there = np.fromfile(tmp_path / "sound").reshape(-1, 2)
+    there = _there(target, fast(target), tmp_path / "harp.jawari", note, frames, tmp_path)
     here = library.open_bank(tmp_path / "harp.jawari").engine().play(note, frames, 256)
     assert np.abs(here).max() > 0.05
     difference = np.abs(here - there).max()
     print(f"{name}: {difference:.2g}")
     assert difference < 1e-6
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("preset", ["tanpura-light", "fretted-bass", "jawari-harp"])
+def test_with_contacts_fast_kernels_play_on_arm_as_in_python(fast, bank_files, tmp_path, preset):
+    """As far from here as rounding brings strings that touch and modes that are float32; by two threads."""
+    target = TARGETS["linux-arm64"]
+    started(target)  # skips before anything is built
+    notes = np.array([(*note, 0.0) for note in NOTES], EVENT)
+    there = _there(target, fast(target), bank_files[preset], notes, FRAMES, tmp_path, threads=2)
+    engine = Engine([load_preset(preset)])
+    engine.prepare(RATE_HZ)
+    here = play(engine, NOTES, FRAMES)
+    assert np.abs(here).max() > 0.01
+    assert np.linalg.norm(here - there) < 1e-3 * np.linalg.norm(here)
 
 
 @pytest.mark.slow
