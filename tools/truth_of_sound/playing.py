@@ -73,25 +73,35 @@ class Answer:
 def answer(preset: Preset) -> Answer:
     """Everything about one preset, at standard quality; strokes do not vary but where takes are compared."""
     player = _Player(preset)
-    every = playable_notes(preset)
-    notes = [every[round(share * (len(every) - 1))] for share in (0.0, 0.2, 0.4, 0.6, 0.8)]
+    notes = five_notes(preset)
     brightness = {
         note: np.array([centroid_hz(player.stroke(note, velocity, EARLY_S).mean(axis=1)) for velocity in VELOCITIES])
         for note in (notes[0], notes[2])
     }
     middle = {note: player.stroke(note, 80, 1.0) for note in notes}
-    loudness = {note: loudness_lufs(x) for note, x in middle.items()}
     left, right = np.concatenate(list(middle.values())).T
     apart = level_db(left - right) - level_db(left + right) if np.any(left != right) else -np.inf
     return Answer(
         preset,
         brightness,
-        loudness,
+        {note: loudness_lufs(x) for note, x in middle.items()},
         takes_apart_db(*player.takes(notes[2], 80)),
         {note: player.end_db(note) for note in dict.fromkeys(notes[1:4])},
         apart,
         hole_db(left, right),
     )
+
+
+def five_notes(preset: Preset) -> list[int]:
+    """Notes evenly over the lower four fifths of what a preset plays."""
+    every = playable_notes(preset)
+    return [every[round(share * (len(every) - 1))] for share in (0.0, 0.2, 0.4, 0.6, 0.8)]
+
+
+def notes_apart(preset: Preset) -> float:
+    """Range of the loudness of `five_notes` at velocity 80 [LU]."""
+    player = _Player(preset)
+    return float(np.ptp([loudness_lufs(player.stroke(note, 80, EARLY_S)) for note in five_notes(preset)]))
 
 
 class _Player(Player):
