@@ -45,7 +45,10 @@ def test_loudness_is_that_of_the_standard() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [preset.name for preset in list_presets()])
 def test_notes_of_one_velocity_are_as_loud_as_each_other(name: str) -> None:
-    assert playing.notes_apart(load_preset(name)) <= UNEVEN.get(name, playing.MOST_SPREAD)
+    apart = playing.notes_apart(load_preset(name))
+    # 0.2: what the last digits of another processor's arithmetic make of strings that touch something
+    assert apart <= UNEVEN.get(name, playing.MOST_SPREAD + 0.2)
+    assert name not in UNEVEN or apart > playing.MOST_SPREAD, "it has become even: take it out of UNEVEN"
 
 
 def test_takes_are_apart_by_their_thirds_of_octaves() -> None:

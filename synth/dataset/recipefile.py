@@ -21,7 +21,7 @@ from synth.dataset.alternatives import Alternatives, alternatives
 from synth.files.sources import read_bytes
 from synth.instrument.faults import value_got, wanted
 from synth.instrument.fields import Note
-from synth.instrument.preset import preset_folder
+from synth.instrument.shipped import shipped_file
 from synth.instrument.table import Table
 from synth.spelling import perhaps
 from synth.units import midi_to_note, note_to_midi
@@ -324,18 +324,12 @@ class Written:
 
 def recipe_path(name_or_path: str | os.PathLike[str]) -> Path:
     """The file of a recipe, or of one that comes with the program by name. Raises RecipeError where there is none."""
-    path = Path(name_or_path)
-    if path.exists() or path.suffix == ".toml":
-        return path
-    folder = preset_folder() / "recipes"
-    found = folder / f"{name_or_path}.toml"
-    if not found.is_file():
-        names = [each.stem for each in sorted(folder.glob("*.toml"))]
-        raise RecipeError(
-            f"there is no recipe {os.fspath(name_or_path)!r}{perhaps(str(name_or_path), names)}: give a file that ends in "
-            f".toml, the folder of a data set, or one of {', '.join(names)}"
-        )
-    return found
+    if Path(name_or_path).is_dir():
+        return Path(name_or_path)
+    try:
+        return shipped_file(name_or_path, "recipe", "recipes", "the folder of a data set, ")
+    except ValueError as error:
+        raise RecipeError(str(error)) from None
 
 
 def read_recipe(

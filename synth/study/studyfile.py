@@ -12,7 +12,7 @@ from pydantic import Discriminator, Field, Tag, ValidationError, model_validator
 
 from synth.files.sources import read_bytes
 from synth.instrument.faults import value_got, wanted
-from synth.instrument.preset import preset_folder
+from synth.instrument.shipped import shipped_file
 from synth.instrument.table import Table
 from synth.research.case import OVERRIDES
 from synth.spelling import perhaps
@@ -174,17 +174,10 @@ def canonical(name: str) -> str:
 
 def study_path(name_or_path: str | os.PathLike[str]) -> Path:
     """The file of a study, or of one that comes with the program by name. Raises StudyError where there is none."""
-    path = Path(name_or_path)
-    if path.suffix == ".toml" or (path.exists() and not path.is_dir()):  # a pipe too
-        return path
-    folder = preset_folder() / "studies"
-    names = [each.stem for each in sorted(folder.glob("*.toml"))]
-    name = os.fspath(name_or_path)
-    if name not in names:
-        raise StudyError(
-            f"there is no study {name!r}{perhaps(name, names)}: give a file that ends in .toml, or one of {', '.join(names)}"
-        )
-    return folder / f"{name}.toml"
+    try:
+        return shipped_file(name_or_path, "study", "studies")
+    except ValueError as error:
+        raise StudyError(str(error)) from None
 
 
 def read_study(study: str | os.PathLike[str] | Mapping[str, Any] | Study) -> tuple[Study, Path, str]:

@@ -41,11 +41,12 @@ class Line(NamedTuple):
 
     @property
     def aim(self) -> str:
-        """What was aimed at, with its unit."""
-        aim = aim_of(self.names[0])
-        if aim is None:
+        """What was aimed at, with its unit; where figures of the row have different aims, one after the other."""
+        aims = list(dict.fromkeys(aim for aim in map(aim_of, self.names) if aim is not None))
+        if not aims:
             return "–"
-        return f"{'≤' if aim.at_most else '≥'} {number(aim.value, 3)} {self.unit}".strip()
+        values = "; ".join(number(aim.value, 3) for aim in aims)
+        return f"{'≤' if aims[0].at_most else '≥'} {values} {self.unit}".strip()
 
     def cell(self, run: Run) -> str:
         """What a run reached; bold where it misses its aim."""

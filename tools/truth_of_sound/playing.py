@@ -21,7 +21,7 @@ from truth_of_sound.page import marked
 VELOCITIES = tuple(range(16, 128, 8))
 #: aims: brightness may rise by so much from one to the next, and fall by so much (what rounding of a measure is) …
 MOST_STEP, MOST_FALL = 1.30, 0.02
-#: … and the loudness of notes may differ by so much [LU]: recorded sets differ by 2 to 7
+#: … and the loudness of notes may differ by so much [LU]: five recorded notes are 3 to 7 apart
 MOST_SPREAD = 5.0
 #: brightness and loudness are those of the first 0.3 s
 EARLY_S = 0.3
@@ -186,7 +186,7 @@ def table(answers: list[Answer]) -> str:
             each.preset.name,
             colours,
             marked(f"{each.steepest:.2f}", each.steepest > MOST_STEP),
-            marked(f"{100.0 * each.darkest:.0f} %", each.darkest > MOST_FALL),
+            marked(f"{100.0 * each.darkest:.1f} %", each.darkest > MOST_FALL),
             marked(f"{each.spread:.1f}", each.spread > MOST_SPREAD),
             f"{each.takes_db:.1f}",
             ends,

@@ -195,6 +195,8 @@ def chromium(width: int = 1280, height: int = 900, flags: Sequence[str] = FLAGS)
         options.add_argument(flag)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
     driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(shutil.which("chromedriver")))
+    # how long the driver may take to do a thing, loading a page among them; 120 s otherwise, however busy the machine
+    driver.command_executor.client_config.timeout = patience_s(240.0)
     try:
         yield driver
     finally:
