@@ -96,6 +96,7 @@ def script(root: argparse.ArgumentParser, shell: str) -> str:
 
     from synth.drone.swara import RATIOS, name_of
     from synth.instrument.preset import list_presets, preset_folder
+    from synth.instrument.shipped import shipped_names
     from synth.plugin.platforms import TARGETS
 
     own = preset_folder()
@@ -103,8 +104,8 @@ def script(root: argparse.ArgumentParser, shell: str) -> str:
     words = {
         "presets": sorted(path.stem for path in own.glob("*.toml")),
         "cases": sorted(path.relative_to(cases).with_suffix("").as_posix() for path in cases.rglob("*.toml")),
-        "recipes": sorted(path.stem for path in (own / "recipes").glob("*.toml")),
-        "studies": sorted(path.stem for path in (own / "studies").glob("*.toml")),
+        "recipes": shipped_names("recipes"),
+        "studies": shipped_names("studies"),
     }
     shipped = list_presets()
     values = {
@@ -113,20 +114,17 @@ def script(root: argparse.ArgumentParser, shell: str) -> str:
         "swaras": [*(name_of(float(ratio)).replace(" ", "-") for ratio in RATIOS.values()), "none"],
         "targets": [*TARGETS, "all"],
     }
-    of_metavar = {"FAMILY": "families", "TAG": "tags", "SWARA": "swaras", "TARGET": "targets"}
+    of_metavar = {
+        "PRESET": "presets", "CASE": "cases", "RECIPE": "recipes", "STUDY": "studies",
+        "FAMILY": "families", "TAG": "tags", "SWARA": "swaras", "TARGET": "targets",
+    }  # fmt: skip
     for action in _actions(root):
         kind = action.metavar if isinstance(action.metavar, str) else ""
+        if kind == "NAME" and not action.option_strings:
+            kind = "PRESET"
         what: Any = None
         if kind in _ENDINGS:
             what = shtab.glob(*(f"*.{ending}" for ending in _ENDINGS[kind]))
-        elif kind == "CASE":
-            what = {"bash": "_synth_cases", "zsh": "_synth_cases", "fish": "(_synth_cases)"}
-        elif kind == "PRESET" or (kind == "NAME" and not action.option_strings):
-            what = {"bash": "_synth_presets", "zsh": "_synth_presets", "fish": "(_synth_presets)"}
-        elif kind == "RECIPE":
-            what = {"bash": "_synth_recipes", "zsh": "_synth_recipes", "fish": "(_synth_recipes)"}
-        elif kind == "STUDY":
-            what = {"bash": "_synth_studies", "zsh": "_synth_studies", "fish": "(_synth_studies)"}
         elif kind in of_metavar:
             function = f"_synth_{of_metavar[kind]}"
             what = {"bash": function, "zsh": function, "fish": f"({function})"}

@@ -326,10 +326,7 @@ def recipe_path(name_or_path: str | os.PathLike[str]) -> Path:
     """The file of a recipe, or of one that comes with the program by name. Raises RecipeError where there is none."""
     if Path(name_or_path).is_dir():
         return Path(name_or_path)
-    try:
-        return shipped_file(name_or_path, "recipe", "recipes", "the folder of a data set, ")
-    except ValueError as error:
-        raise RecipeError(str(error)) from None
+    return shipped_file(name_or_path, "recipe", "recipes", RecipeError, "the folder of a data set, ")
 
 
 def read_recipe(

@@ -174,10 +174,7 @@ def canonical(name: str) -> str:
 
 def study_path(name_or_path: str | os.PathLike[str]) -> Path:
     """The file of a study, or of one that comes with the program by name. Raises StudyError where there is none."""
-    try:
-        return shipped_file(name_or_path, "study", "studies")
-    except ValueError as error:
-        raise StudyError(str(error)) from None
+    return shipped_file(name_or_path, "study", "studies", StudyError)
 
 
 def read_study(study: str | os.PathLike[str] | Mapping[str, Any] | Study) -> tuple[Study, Path, str]:

@@ -39,7 +39,7 @@ class Answer:
     """Of one preset.
 
     brightness: {note: centroid at `VELOCITIES` [Hz]}
-    loudness: {note: that at velocity 80, weighted as ITU-R BS.1770 does [LUFS]} over the compass
+    loudness: {note: that at velocity 80, weighted as ITU-R BS.1770 does [LUFS]} of `five_notes`
     takes_db: how far two equal strokes are apart
     end_db: {note: level 100 ms after its end over that before}
     sides_db: how far left and right differ
@@ -67,7 +67,7 @@ class Answer:
     @property
     def spread(self) -> float:
         """Of the loudness of notes [LU]."""
-        return max(self.loudness.values()) - min(self.loudness.values())
+        return float(np.ptp(list(self.loudness.values())))
 
 
 def answer(preset: Preset) -> Answer:
