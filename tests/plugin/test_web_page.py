@@ -432,7 +432,7 @@ def test_the_one_file_plays_from_a_disk(page: InstrumentPage, web_folders: dict[
 
 
 def test_the_page_from_a_disk_says_what_to_do(page: InstrumentPage, web_folders: dict[str, Path]) -> None:
-    page.driver.get((web_folders["tanpura-light"] / "index.html").as_uri())
+    page.load((web_folders["tanpura-light"] / "index.html").as_uri())
     said = page.text(".first-aid")
     assert "python3 -m http.server" in said and "tanpura-light.html" in said
     page.driver.get_log("browser")

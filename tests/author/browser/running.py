@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 from selenium import webdriver
-from selenium.common.exceptions import StaleElementReferenceException
+from selenium.common.exceptions import StaleElementReferenceException, TimeoutException
 from selenium.webdriver import ActionChains
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.remote.webelement import WebElement
@@ -68,8 +68,17 @@ class Page:
         self.driver = driver
 
     def open(self, address: str) -> None:
-        self.driver.get(address)
+        self.load(address)
         self.ready()
+
+    def load(self, address: str) -> None:
+        """Go to an address. Beside other work the driver at times misses the end of a navigation (in two runs of some
+        thousand pages, once each) and waits for it as long as it may: then the page is asked for once more."""
+        self.driver.set_page_load_timeout(patience_s())
+        try:
+            self.driver.get(address)
+        except TimeoutException:
+            self.driver.get(address)
 
     def ready(self) -> None:
         """The page has come, with everything of the document that it was opened with."""
@@ -88,7 +97,7 @@ class Page:
     def open_nothing(self) -> None:
         """Leave the page, whatever is unsaved in it."""
         self.script("window.addEventListener('beforeunload', (event) => event.stopImmediatePropagation(), true)")
-        self.driver.get("about:blank")
+        self.load("about:blank")
 
     def choose(self, name: str) -> None:
         """Open a preset of the start page."""
@@ -196,7 +205,7 @@ def chromium(width: int = 1280, height: int = 900, flags: Sequence[str] = FLAGS)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
     driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(shutil.which("chromedriver")))
     # how long the driver may take to do a thing, loading a page among them; 120 s otherwise, however busy the machine
-    driver.command_executor.client_config.timeout = patience_s(240.0)
+    driver.command_executor.client_config.timeout = patience_s(600.0)
     try:
         yield driver
     finally:
