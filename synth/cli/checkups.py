@@ -15,6 +15,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from synth.native.debugging import INTERPRETED
+
 OK, MISSING, NOT_TRIED = "ok", "missing", "not tried"
 #: less than this on the disk of the cache is too little for kernels and the native library [bytes]
 LEAST_DISK = 200e6
@@ -83,6 +85,8 @@ def kernels() -> Finding:
 
     if (found := prebuilt.found()).path is not None:
         return Finding(OK, f"from the native library {found.path}: nothing is compiled")
+    if INTERPRETED:
+        return Finding(MISSING, "JAWARI_DEBUG interprets them, which takes a thousand times as long", "unset JAWARI_DEBUG")
     if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
         return Finding(MISSING, "NUMBA_DISABLE_JIT switches compiling off", "unset NUMBA_DISABLE_JIT")
     _make_no_folders()

@@ -17,7 +17,8 @@ from llvmlite import ir
 from numba import njit, types
 from numpy.typing import NDArray
 
-from synth.native.simd import INT, LANES, VECTOR, Code, intrinsic
+from synth.native.interpreted import intrinsic
+from synth.native.simd import INT, LANES, VECTOR, Code
 
 
 def body_coefficients(frequencies_hz, q, gains_db, rate_hz: float) -> NDArray[np.float64]:
@@ -74,7 +75,15 @@ def body_state(coefficients) -> NDArray[np.float64]:
 def _steps(count: int):
     """The intrinsic that takes `count` samples, x[at : at + count], through the bank: resonances in the lanes."""
 
-    @intrinsic
+    def plain(coefficients, state, previous, x, at, out) -> None:
+        scale, first, second = coefficients[:3]
+        for i in range(at, at + count):
+            newer = first * state[0] + second * state[1] + scale * (x[i] - previous)
+            state[1], state[0] = state[0], newer
+            previous = x[i]
+            out[i] += newer.sum()
+
+    @intrinsic(plain)
     def step(typingctx, coefficients, state, previous, x, at, out):
         def emit(context, builder, signature, args):
             code, b = Code(context, builder, signature, args), builder

@@ -8,10 +8,12 @@ wherever it stands. (Crochiere & Rabiner 1983, ch. 3.)
 
 from __future__ import annotations
 
+import numpy as np
 from llvmlite import ir
 from numba import types
 
-from synth.native.simd import INT, LANES, VECTOR, Code, intrinsic
+from synth.native.interpreted import intrinsic
+from synth.native.simd import INT, LANES, VECTOR, Code
 
 #: taps of a branch
 BRANCH = 74
@@ -24,7 +26,13 @@ def _number(value: int):
     return ir.Constant(INT, value)
 
 
-@intrinsic
+def _plain_add_branches(taps, branches, phases, stride, at, out) -> None:
+    for p in range(1, branches):
+        first = (p - 1) * stride + at
+        out[:GROUP] += np.correlate(phases[first : first + GROUP + BRANCH - 1], taps[p * BRANCH : (p + 1) * BRANCH])
+
+
+@intrinsic(plain=_plain_add_branches)
 def add_branches(typingctx, taps, branches, phases, stride, at, out):
     """out[i] += Σ_{p=1…branches−1} Σ_m taps[p·BRANCH + m]·phases[(p−1)·stride + at + i + m] for i < GROUP; branches ≥ 2."""
 

@@ -53,9 +53,9 @@ from synth.engine.strokes import follow_stroke, has_bounced
 from synth.engine.tension import bend_with_motion
 from synth.engine.touches import lies_still, press_on
 from synth.native.views import ask, call_back
+from synth.solver.block_rows import BLOCK
 from synth.solver.board_table import clear_by_energy, clear_of_board
 from synth.solver.certificates import amplitudes, least_reach, reach
-from synth.solver.lanes import BLOCK
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.lcp import SOLVED
 from synth.solver.step import advance, advance_two, presses

@@ -35,9 +35,10 @@ from synth.engine.core import (
 )
 from synth.engine.layout import CORE, FADE, FLYING, QUANTUM, STEPS_DUE
 from synth.engine.output import collect
+from synth.solver.block_rows import BLOCK
 from synth.solver.blocks import fly_blocks, fly_modes
 from synth.solver.fingers import fill_grip
-from synth.solver.lanes import BLOCK, padded
+from synth.solver.lanes import padded
 from synth.solver.step import advance
 from synth.solver.stepwise import advance_free
 from synth.solver.stringmodel import CERTAIN, FREE, MOVING

@@ -23,6 +23,7 @@ from synth.engine.voices.retuning import MOST_RETUNING
 from synth.instrument.articulations import MOST_ARTICULATIONS
 from synth.instrument.excitations import MOST_HOLD_S
 from synth.midi.zones import CHANNELS, LOWER, MOST_MEMBERS, UPPER, master_of
+from synth.solver.block_rows import BLOCK
 from synth.solver.board_table import SPEAKING
 from synth.solver.certificates import FOR_EVER
 from synth.solver.coupling import (
@@ -43,7 +44,6 @@ from synth.solver.coupling import (
     RESTING,
     SEVERAL,
 )
-from synth.solver.lanes import BLOCK
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.line_tables import ALL_DUE, READY, TABLES_DUE
 from synth.solver.stepwise import LEAST_STIFFNESS

@@ -24,7 +24,7 @@ from synth.midi.events import NOTE_ON, make_events
 from synth.midi.eventsource import from_events
 from synth.native.arrays import allocate, f8, i8
 from synth.native.views import call_back, opener
-from synth.solver.lanes import BLOCK
+from synth.solver.block_rows import BLOCK
 
 #: what a tape is of unless told otherwise, as `synth render` and a live stream are [Hz]
 QUALITY = "standard"

@@ -16,6 +16,8 @@ from numba.extending import typeof_impl
 from numba.np.numpy_support import as_dtype
 
 from synth.jit import prebuilt
+from synth.native import interpreted
+from synth.native.debugging import INTERPRETED
 
 
 class Entry(NamedTuple):
@@ -35,9 +37,10 @@ def entry(function: Callable[..., Any], words: int, answers: bool = False) -> An
 
     Kept for as long as the process lives: whoever has the address may call it.
     """
-    address = prebuilt.found().address(function)
     made: Any
-    if address is not None:
+    if INTERPRETED:
+        made = Entry(interpreted.register(function), function)
+    elif (address := prebuilt.found().address(function)) is not None:
         prototype = ctypes.CFUNCTYPE(ctypes.c_int64 if answers else None, *[ctypes.c_int64] * words)
         made = Entry(address, prototype(address))
     else:
@@ -85,6 +88,8 @@ class Kernel:
 
     def __call__(self, *arguments: Any) -> Any:
         native = self._native
+        if INTERPRETED:
+            return self.dispatcher(*map(interpreted.with_attributes, arguments))
         if native is None or len(arguments) != len(self.arguments):
             return self.dispatcher(*arguments)
         given: list[Any] = []

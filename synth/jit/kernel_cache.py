@@ -31,6 +31,7 @@ from typing import Any, ClassVar, NoReturn
 from synth.files import locks
 from synth.jit import compiling, kernel_claims, kernel_linking, vector_width
 from synth.jit.kernel_sources import sources_id, users_cache
+from synth.native.debugging import INTERPRETED
 from synth.native.processors import level
 from synth.signals import hearing_signals
 
@@ -69,6 +70,8 @@ def cache_folder() -> Path:
 
 def use() -> None:
     """Point Numba there; to be called before Numba is imported."""
+    if INTERPRETED:
+        return
     vector_width.use_kept()
     _point()
     if "numba" in sys.modules:

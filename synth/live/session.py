@@ -45,6 +45,7 @@ from synth.live.unplayable import Unplayable
 from synth.midi import song as songs
 from synth.midi.controllers import ALL_NOTES_OFF, ALL_SOUND_OFF, EXPRESSION, SUSTAIN
 from synth.midi.events import CONTROL, PARAMETER
+from synth.native.interpreted import require_compiled
 from synth.native.patience import LEAVE_S, answers
 from synth.native.stderr import give_back, only_ours
 from synth.units import db_to_gain
@@ -192,6 +193,7 @@ class Session(Uncopied):
         return self
 
     def _open(self, stack: ExitStack) -> None:
+        require_compiled("a live session")
         settings = self._settings
         if settings.record is not None:
             self.files = [settings.record, str(Path(settings.record).with_suffix(".mid"))]

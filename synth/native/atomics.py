@@ -8,23 +8,63 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
+import time
+from collections.abc import Callable
 from typing import Any
 
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
-from numba.extending import intrinsic
 
 from synth.native import windows
 from synth.native.denormals import machine
+from synth.native.interpreted import intrinsic
 
 _I8, _I32, _I64 = ir.IntType(8), ir.IntType(32), ir.IntType(64)
 _ORDER = "seq_cst"
+#: of the plain functions
+_LOCK = threading.Lock()
 
 
 def _word(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
     array = context.make_array(signature.args[0])(context, builder, arguments[0])
     return builder.gep(array.data, [arguments[1]])
+
+
+def _plain_load(array: Any, i: int) -> int:
+    return int(array[i])
+
+
+def _plain_store(array: Any, i: int, value: int) -> None:
+    array[i] = value
+
+
+def _plain_add(array: Any, i: int, value: int) -> int:
+    with _LOCK:
+        before = int(array[i])
+        array[i] = before + value
+    return before
+
+
+def _plain_exchange_if(array: Any, i: int, expected: int, value: int) -> bool:
+    with _LOCK:
+        as_expected = int(array[i]) == expected
+        if as_expected:
+            array[i] = value
+    return as_expected
+
+
+def _plain_pause() -> None:
+    time.sleep(0.0)
+
+
+def _plain_receive(descriptor: int) -> bool:
+    return len(os.read(descriptor, 8)) == 8
+
+
+def _plain_send(descriptor: int) -> bool:
+    return os.write(descriptor, (1).to_bytes(8, sys.byteorder)) == 8
 
 
 def _load(typingctx, array, i):
@@ -87,7 +127,7 @@ def _yield(typingctx):
     return types.void(), generate
 
 
-def _transfer(name: str) -> Any:
+def _transfer(name: str, plain: Callable[[int], bool]) -> Any:
     """read or write of eight bytes, the number 1, with the C library; True if they went through."""
 
     def transfer(typingctx, descriptor):
@@ -103,24 +143,24 @@ def _transfer(name: str) -> Any:
 
         return types.boolean(types.int64), generate
 
-    return intrinsic(transfer)
+    return intrinsic(plain)(transfer)
 
 
 #: the word
-load: Any = intrinsic(_load)
+load: Any = intrinsic(_plain_load)(_load)
 #: put a value into the word
-store: Any = intrinsic(_store)
+store: Any = intrinsic(_plain_store)(_store)
 #: add a value to the word; what it was before
-add: Any = intrinsic(_add)
+add: Any = intrinsic(_plain_add)(_add)
 #: put a value into the word if it still holds what is expected; whether it did
-exchange_if: Any = intrinsic(_exchange_if)
+exchange_if: Any = intrinsic(_plain_exchange_if)(_exchange_if)
 #: tell the processor that this is a waiting loop
-pause: Any = intrinsic(_pause)
+pause: Any = intrinsic(_plain_pause)(_pause)
 #: let another thread have this processor, if one waits for it
-give_way: Any = intrinsic(_yield)
+give_way: Any = intrinsic(_plain_pause)(_yield)
 #: wait for a token from a descriptor of `tokens` / put one in; whether it went through
-receive = _transfer("read")
-send = _transfer("write")
+receive = _transfer("read", _plain_receive)
+send = _transfer("write", _plain_send)
 
 
 def tokens() -> tuple[int, int]:

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import ctypes
 import sys
+import time
+from collections.abc import Callable
 from typing import Any
 
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
-from numba.extending import intrinsic
 
 from synth.native import windows
+from synth.native.interpreted import intrinsic
 
 _I32, _I64 = ir.IntType(32), ir.IntType(64)
 _MAC = sys.platform == "darwin"
@@ -18,7 +21,7 @@ _MAC = sys.platform == "darwin"
 MONOTONIC, THREAD = (8, 16) if _MAC else (1, 3)
 
 
-def _clock(number: int) -> Any:
+def _clock(number: int, plain: Callable[[], int]) -> Any:
     def clock(typingctx):
         def generate(context, builder, signature, arguments):
             if sys.platform == "win32":
@@ -33,7 +36,7 @@ def _clock(number: int) -> Any:
 
         return types.int64(), generate
 
-    return intrinsic(clock)
+    return intrinsic(plain)(clock)
 
 
 def _pointer(typingctx, address):
@@ -60,10 +63,10 @@ def _nap(typingctx, nanoseconds):
 
 
 #: time.monotonic_ns() in compiled code [ns]
-monotonic_ns: Any = _clock(MONOTONIC)
+monotonic_ns: Any = _clock(MONOTONIC, time.monotonic_ns)
 #: processor time that this thread has used [ns]
-thread_ns: Any = _clock(THREAD)
+thread_ns: Any = _clock(THREAD, time.thread_time_ns)
 #: int64 address as a pointer for `numba.carray`
-pointer: Any = intrinsic(_pointer)
+pointer: Any = intrinsic(ctypes.c_void_p)(_pointer)
 #: sleep for so many ns, less than a second
-nap: Any = intrinsic(_nap)
+nap: Any = intrinsic(lambda nanoseconds: time.sleep(1e-9 * nanoseconds))(_nap)

@@ -7,13 +7,14 @@ floats, of which a register holds twice as many.
 from __future__ import annotations
 
 import os
-from typing import Any
 
 import llvmlite.binding
+import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
-from numba.extending import intrinsic as _intrinsic
+
+from synth.native.interpreted import intrinsic
 
 
 def _lanes() -> tuple[int, int]:
@@ -40,8 +41,6 @@ def _lanes() -> tuple[int, int]:
     return (4 if features.get("avx2") else 2), 0
 
 
-#: as the typing of numba's own decorator does not see through it
-intrinsic: Any = _intrinsic
 LANES, NARROW_UP_TO = _lanes()
 
 DOUBLE = ir.DoubleType()
@@ -178,7 +177,11 @@ class Code:
         self.b.store(value, self.b.bitcast(self.b.gep(base, [at]), value.type.as_pointer()), align=8)
 
 
-@intrinsic
+def _plain_move_within(x: np.ndarray, to: int, start: int, count: int) -> None:
+    x[to : to + count] = x[start : start + count].copy()
+
+
+@intrinsic(plain=_plain_move_within)
 def move_within(typingctx, x, to, start, count):
     """x[to : to + count] = x[start : start + count], also where the two overlap."""
 

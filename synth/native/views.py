@@ -12,6 +12,7 @@ Only what is used is ever loaded. The tables own nothing: who makes one keeps it
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,10 +20,12 @@ from llvmlite import ir
 from numba import from_dtype, types
 from numba.core.imputils import lower_getattr_generic
 from numba.core.typing.templates import AttributeTemplate
-from numba.extending import infer_getattr, intrinsic, models, register_model
+from numba.extending import infer_getattr, models, register_model
 from numba.np.arrayobj import make_array, populate_array
 
+from synth.native import interpreted
 from synth.native.arrays import fields, require_declared
+from synth.native.interpreted import intrinsic
 
 _I64 = ir.IntType(64)
 _WHOLE = np.dtype(np.int64)
@@ -117,11 +120,13 @@ def _field(context: Any, builder: Any, opened: Opened, address: Any, name: str) 
 def opener(kind: Any, skip: int = 0) -> Any:
     """The function that opens the table of a NamedTuple, `skip` words from where the address points to."""
     opened = Opened(kind, skip)
+    members = {name: (dtype, len(shape), opened.place(name)) for name, (dtype, shape) in fields(kind).items()}
 
+    @intrinsic(plain=partial(interpreted.TableFields, members))
     def open_table(typingctx, address):
         return opened(types.int64), lambda context, builder, signature, arguments: arguments[0]
 
-    return intrinsic(open_table)
+    return open_table
 
 
 def _calling(count: int) -> tuple[Any, Any]:
@@ -135,15 +140,21 @@ def _calling(count: int) -> tuple[Any, Any]:
     return types.void(*[types.int64] * (count + 1)), generate
 
 
-def _tell(typingctx, function, address):
+@intrinsic(plain=interpreted.call)
+def tell(typingctx, function, address):
+    """Call the function at an address, compiled for one int64."""
     return _calling(1)
 
 
-def _call_back(typingctx, function, core, thread, s, more):
+@intrinsic(plain=interpreted.call)
+def call_back(typingctx, function, core, thread, s, more):
+    """The same, compiled for four."""
     return _calling(4)
 
 
-def _ask(typingctx, function, core, thread, action, place, velocity):
+@intrinsic(plain=interpreted.call)
+def ask(typingctx, function, core, thread, action, place, velocity):
+    """The same, compiled for five."""
     return _calling(5)
 
 
@@ -157,16 +168,25 @@ def _asking(count: int) -> tuple[Any, Any]:
     return types.int64(*[types.int64] * (count + 1)), generate
 
 
-def _query(typingctx, function, address):
+@intrinsic(plain=interpreted.call)
+def query(typingctx, function, address):
+    """The answer of the function at an address, compiled for one int64."""
     return _asking(1)
 
 
-def _consult(typingctx, function, model, state, scratch):
+@intrinsic(plain=interpreted.call)
+def consult(typingctx, function, model, state, scratch):
+    """The same, compiled for three."""
     return _asking(3)
 
 
-def _frames_at(typingctx, address, frames, channels):
-    """The (frames, channels) float64 at an address."""
+def _plain_frames_at(address: int, frames: int, channels: int) -> np.ndarray:
+    return interpreted.array_at(address, np.dtype(np.float64), (frames, channels))
+
+
+@intrinsic(plain=_plain_frames_at)
+def frames_at(typingctx, address, frames, channels):
+    """The float64 at an address as an array (frames, channels), in compiled code."""
     kind = types.Array(types.float64, 2, "C")
 
     def generate(context, builder, signature, arguments):
@@ -180,7 +200,12 @@ def _frames_at(typingctx, address, frames, channels):
     return kind(types.int64, types.int64, types.int64), generate
 
 
-def _in_rows(typingctx, array, rows, columns):
+def _plain_in_rows(array: np.ndarray, rows: int, columns: int) -> np.ndarray:
+    return array.reshape(-1)[: rows * columns].reshape(rows, columns)
+
+
+@intrinsic(plain=_plain_in_rows)
+def in_rows(typingctx, array, rows, columns):
     """The first rows·columns elements of an array as (rows, columns): Numba's own `reshape` takes longer than what is done
     with a short row. Nothing holds on to the array."""
     kind = types.Array(array.dtype, 2, "C")
@@ -196,24 +221,15 @@ def _in_rows(typingctx, array, rows, columns):
     return kind(array, types.int64, types.int64), generate
 
 
-def _address_of(typingctx, array):
+def _plain_address_of(array: np.ndarray) -> int:
+    return int(array.ctypes.data)
+
+
+@intrinsic(plain=_plain_address_of)
+def address_of(typingctx, array):
     """Where an array's first element is."""
 
     def generate(context, builder, signature, arguments):
         return builder.ptrtoint(make_array(array)(context, builder, arguments[0]).data, _I64)
 
     return types.int64(array), generate
-
-
-#: the answer of the function at an address, compiled for one int64, or for three
-query: Any = intrinsic(_query)
-consult: Any = intrinsic(_consult)
-#: (address, frames, channels) → the float64 that are there as an array of that shape, in compiled code
-frames_at: Any = intrinsic(_frames_at)
-address_of: Any = intrinsic(_address_of)
-#: (array, rows, columns) → its first elements as an array of that shape, in compiled code
-in_rows: Any = intrinsic(_in_rows)
-#: call the function at an address, compiled for one int64, for four, or for five
-tell: Any = intrinsic(_tell)
-call_back: Any = intrinsic(_call_back)
-ask: Any = intrinsic(_ask)

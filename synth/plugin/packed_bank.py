@@ -43,7 +43,7 @@ from synth.plugin.packed_models import (
     Models,
     models_of,
 )
-from synth.solver.lanes import BLOCK, ROWS
+from synth.solver.block_rows import BLOCK, ROWS
 
 MAGIC = b"JAWARIPK"
 VERSION = 1

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from synth.solver.lanes import BLOCK
+from synth.solver.block_rows import BLOCK
 
 _KERNEL: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy"}
 _SPLIT = 134217729.0  # 2^27 + 1

@@ -1,4 +1,4 @@
-"""Contact schemes, K = `lanes.BLOCK` steps at a time: the fast twins of `stepwise`.
+"""Contact schemes, K = `block_rows.BLOCK` steps at a time: the fast twins of `stepwise`.
 
 Over a block of K steps the string flies free but for its contact forces, so that every contact's motion is its free
 projection plus a lower triangular Toeplitz sum over the forces:
@@ -19,11 +19,10 @@ import numpy as np
 from numba import njit
 
 from synth.native.views import in_rows
+from synth.solver.block_rows import BLOCK, ROWS
 from synth.solver.certificates import HORIZONS, certify
 from synth.solver.due_responses import fill_due
 from synth.solver.lanes import (
-    BLOCK,
-    ROWS,
     add_forced,
     add_late,
     any_below,

@@ -25,10 +25,11 @@ import math
 import numpy as np
 from numba import njit
 
+from synth.solver.block_rows import BLOCK
 from synth.solver.blocks import fly_blocks
 from synth.solver.board_table import BY_PUSH, BY_Q, BY_V, HOLDING, MOST_FOLLOWED, SPEAKING, STEPPED, STRUCK, board_at
 from synth.solver.certificates import MARGIN
-from synth.solver.lanes import BLOCK, add_forced, any_below, coast, drive, grip_sequence, padded, project_q, project_qv
+from synth.solver.lanes import add_forced, any_below, coast, drive, grip_sequence, padded, project_q, project_qv
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.lcp import SOLVED
 from synth.solver.sine import Sine, transform

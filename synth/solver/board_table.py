@@ -10,8 +10,9 @@ from numba import njit
 
 from synth.native.arrays import aligned, f8, i8, u1
 from synth.native.views import opener
+from synth.solver.block_rows import BLOCK
 from synth.solver.certificates import MARGIN
-from synth.solver.lanes import BLOCK, padded
+from synth.solver.lanes import padded
 from synth.solver.sine import make_sine
 
 #: nodes that are followed through a block; of more, all are looked at in every step

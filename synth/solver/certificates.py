@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from synth.solver.lanes import BLOCK
+from synth.solver.block_rows import BLOCK
 from synth.solver.stringmodel import CLOCK, scratch_of, string_model, string_state
 from synth.solver.vectors import FAST, INNER
 

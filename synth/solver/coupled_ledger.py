@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from numba import njit
 
+from synth.solver.block_rows import P11, P12, P21, P22
 from synth.solver.coupled_study import (
     BALANCE,
     BODY,
@@ -41,7 +42,6 @@ from synth.solver.coupled_study import (
     coupled_study,
 )
 from synth.solver.coupling import FINGER_LEVERAGE, KEPT_BY_THE_REST, KIND, NEAR, SINGLE, TENSION, along, coupling_at, end_at
-from synth.solver.lanes import P11, P12, P21, P22
 from synth.solver.stringmodel import string_model, string_state
 
 

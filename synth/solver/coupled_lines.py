@@ -14,8 +14,9 @@ import numpy as np
 from synth.native.arrays import aligned, allocate
 from synth.native.views import table
 from synth.solver import coupling
+from synth.solver.block_rows import BLOCK
 from synth.solver.fingers import fill_grip
-from synth.solver.lanes import BLOCK, padded
+from synth.solver.lanes import padded
 from synth.solver.laws import EXACT_HOLD, coefficients
 from synth.solver.line_tables import fill_apart, fill_finger_end, fill_looked_at, fill_reach
 from synth.solver.responses import make_rows, padded_rows

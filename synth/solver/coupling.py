@@ -31,7 +31,7 @@ from numba import njit
 
 from synth.native.arrays import f4, f8, i8, u1
 from synth.native.views import opener
-from synth.solver.lanes import BLOCK, ROWS
+from synth.solver.block_rows import BLOCK, ROWS
 from synth.solver.stringmodel import DEPTH, MOVING, STIFFNESS, string_model, string_state
 from synth.solver.vectors import FAST, INNER, dot
 

@@ -16,9 +16,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from synth.native.views import table
+from synth.solver.block_rows import BLOCK
 from synth.solver.certificates import CERTIFY_FROM
 from synth.solver.energy import filter_factor, spring, stored
-from synth.solver.lanes import BLOCK
 from synth.solver.laws import EXACT_HOLD, coefficients, contact_matrix
 from synth.solver.layers import held_by_layers, static_forces
 from synth.solver.lcp import NOT_SOLVED, SOLVED, natural_residual, solve

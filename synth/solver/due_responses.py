@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from synth.solver.lanes import BLOCK, KQ, KV
+from synth.solver.block_rows import BLOCK, KQ, KV
 from synth.solver.laws import EXACT_HOLD, contact_matrix
 from synth.solver.quick_coefficients import quick_coefficients
 from synth.solver.responses import fill_response, fill_rows

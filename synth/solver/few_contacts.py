@@ -13,9 +13,9 @@ from __future__ import annotations
 
 from numba import njit
 
+from synth.solver.block_rows import BLOCK
 from synth.solver.coupling import FEW, NEAR, OF_SETS, SETS, end_at
 from synth.solver.due_responses import fill_due
-from synth.solver.lanes import BLOCK
 from synth.solver.lcp import FEASIBILITY, NOT_SOLVED, SOLVED
 from synth.solver.stringmodel import string_model, string_state
 from synth.solver.vectors import INNER

@@ -1,4 +1,4 @@
-"""Strings under a finger, K = `lanes.BLOCK` steps at a time: the fast twin of `stepwise` with a finger on.
+"""Strings under a finger, K = `block_rows.BLOCK` steps at a time: the fast twin of `stepwise` with a finger on.
 
 The finger is one more row u_f of the block's problem (`blocks`), of either sign. Its responses are those of any row; as a
 string answers mutually, what a contact does to the finger is what the finger does to that contact. What spring and dashpot
@@ -18,13 +18,11 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from synth.solver.block_rows import BLOCK, KQ, KV
 from synth.solver.blocks import fill_matrix, gather, look, observe
 from synth.solver.certificates import MARGIN, certify, extents
 from synth.solver.due_responses import fill_due
 from synth.solver.lanes import (
-    BLOCK,
-    KQ,
-    KV,
     add_forced,
     add_late,
     any_forced_below,

@@ -18,6 +18,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from synth.solver.block_rows import ADV11, ADV12, BLOCK
 from synth.solver.coupling import (
     AHEAD,
     APART,
@@ -57,7 +58,7 @@ from synth.solver.coupling import (
 )
 from synth.solver.due_responses import fill_those
 from synth.solver.held_forces import hold_forces
-from synth.solver.lanes import ADV11, ADV12, BLOCK, add_late, kick, kick_v, padded, padded_single, project_v
+from synth.solver.lanes import add_late, kick, kick_v, padded, padded_single, project_v
 from synth.solver.lcp import SOLVED
 from synth.solver.line_certificates import is_clear, lasts, look_everywhere, runs_out, spend
 from synth.solver.line_culling import cull, may_cull, spend_left

@@ -15,8 +15,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from synth.solver.block_rows import BLOCK
 from synth.solver.coupling import COMPONENTS, KIND, NEAR, SINGLE, coupling_at, end_at, steps_of
-from synth.solver.lanes import BLOCK
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.layers import middle
 from synth.solver.lcp import pivot

@@ -14,8 +14,7 @@ velocity. What forces f_k during the steps 0 … K − 1 add to the state at the
 κ the response of (q, v) to a unit force: two multiplications for a step, and no table. A kick, what the velocities change by
 at the start of a step, is a force whose response is Φ(0, 1): its κ is (p12, p22), its (Φ − a)κ is (0, −e).
 
-Rows of a block's coefficient array, as `responses.fill_rows` makes them:
-0 … 5 p11, p12, p21, p22, kq, kv of one step (`laws`), 6 a, 7 −e, 8 … 11 Φ^K, 12, 13 (Φ − a)κ.
+What each of them does stands in `plain_lanes` in Python. Rows of a block's coefficient array: `block_rows`.
 """
 
 from __future__ import annotations
@@ -25,12 +24,28 @@ from numba import types
 from numba.core import cgutils
 
 from synth.jit.entries import kernel
-from synth.native.simd import DOUBLE, INT, LANES, LOOSE, NARROW_UP_TO, VECTOR, Code, intrinsic
+from synth.native.interpreted import intrinsic
+from synth.native.simd import DOUBLE, INT, LANES, LOOSE, NARROW_UP_TO, VECTOR, Code
+from synth.solver import plain_lanes
+from synth.solver.block_rows import (
+    ADV11,
+    ADV12,
+    ADV21,
+    ADV22,
+    BLOCK,
+    KQ,
+    KQ_LATE,
+    KV,
+    KV_LATE,
+    MINUS_DET,
+    P11,
+    P12,
+    P21,
+    P22,
+    ROWS,
+    TRACE,
+)
 
-#: steps that a block kernel takes at a time
-BLOCK = 8
-ROWS = 14
-P11, P12, P21, P22, KQ, KV, TRACE, MINUS_DET, ADV11, ADV12, ADV21, ADV22, KQ_LATE, KV_LATE = range(ROWS)
 #: modes are padded to a multiple of this, on every machine; those of float32 to a multiple of the other
 PAD = 8
 SINGLE_PAD = 16
@@ -197,7 +212,7 @@ def one_kind_of_pass(motion: str, kinds: str, doubles: int = LANES, narrow_up_to
     """The intrinsic of one kind of pass; see `_emit_pass`. n is a multiple of `PAD`, at least that; where modes are float32,
     of `SINGLE_PAD`. doubles: in a vector; half as many where n is at most `narrow_up_to`."""
 
-    @intrinsic
+    @intrinsic(plain=plain_lanes.one_pass(motion, kinds))
     def one_pass(typingctx, n, *rest):
         given: tuple = rest
         if len(rest) == 1 and isinstance(rest[0], types.BaseTuple):
@@ -248,7 +263,7 @@ drive_listed_kicked = one_kind_of_pass("drive listed kicked", "")
 drive_listed_and_one_kicked = one_kind_of_pass("drive listed and one kicked", "")
 
 
-@intrinsic
+@intrinsic(plain=plain_lanes.press_sequence)
 def press_sequence(typingctx, u, eta, response, forces):
     """Exact-hold over K steps at one contact: forces (K,) from free displacements u (K,), height and response (2K,).
 
@@ -277,7 +292,7 @@ def press_sequence(typingctx, u, eta, response, forces):
     return types.void(u, types.float64, response, forces), emit
 
 
-@intrinsic
+@intrinsic(plain=plain_lanes.grip_sequence)
 def grip_sequence(typingctx, pull, stiff, follow, here, y, own, pushes, true):
     """A finger alone on the string over K steps: pushes (K,), and its row `true` (K,) with them, from the free one, y (K,).
 
@@ -293,7 +308,7 @@ def grip_sequence(typingctx, pull, stiff, follow, here, y, own, pushes, true):
     return types.void(pull, types.float64, types.float64, types.float64, y, own, pushes, true), emit
 
 
-@intrinsic
+@intrinsic(plain=plain_lanes.grip_and_press_sequence)
 def grip_and_press_sequence(
     typingctx, pull, stiff, follow, here, y, own, eta, u, cross, response, pushes, true, forces
 ):  # fmt: skip
@@ -354,7 +369,7 @@ def _emit_grip(code: Code, pushes: int, true: int, eta: int | None) -> None:
         put(here, at_true, k)
 
 
-@intrinsic
+@intrinsic(plain=plain_lanes.any_forced_below)
 def any_forced_below(typingctx, y, response, forces, level):
     """Whether any of y (K,), with `add_forced`'s sum over the forces, is below `level`."""
 
@@ -380,7 +395,7 @@ def _emit_forced(code: Code, first: int, at_y, at_h, at_f):
     return code.b.fadd(chains[0], chains[1], flags=LOOSE)
 
 
-@intrinsic
+@intrinsic(plain=plain_lanes.any_below)
 def any_below(typingctx, u, level):
     """Whether any of u (K,) is below `level`."""
 
@@ -397,7 +412,7 @@ def any_below(typingctx, u, level):
     return types.boolean(u, types.float64), emit
 
 
-@intrinsic
+@intrinsic(plain=plain_lanes.add_forced)
 def add_forced(typingctx, y, response, forces):
     """y_k += Σ_{i ≤ k} h_{k−i} λ_i for y, forces (K,) and a response (2K,) that holds K zeros before h."""
 
@@ -411,7 +426,7 @@ def add_forced(typingctx, y, response, forces):
     return types.void(y, response, forces), emit
 
 
-@intrinsic
+@intrinsic(plain=plain_lanes.add_late)
 def add_late(typingctx, y, response, late, force):
     """y_k += h_{k−late} λ for k ≥ late, y (K,) and response (2K,) as for `add_forced`: one force, that of step `late`."""
 

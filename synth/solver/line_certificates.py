@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from numba import njit
 
+from synth.solver.block_rows import BLOCK
 from synth.solver.certificates import MARGIN, extents
 from synth.solver.coupling import (
     CERTIFIED,
@@ -32,7 +33,6 @@ from synth.solver.coupling import (
     coupling_at,
     end_at,
 )
-from synth.solver.lanes import BLOCK
 from synth.solver.stringmodel import MOVING, scratch_of, string_model, string_state
 from synth.solver.vectors import FAST, INNER, dot
 

@@ -16,6 +16,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from synth.solver.block_rows import BLOCK
 from synth.solver.certificates import MARGIN
 from synth.solver.coupling import (
     APART_MODES,
@@ -38,7 +39,6 @@ from synth.solver.coupling import (
     moving_modes,
     steps_of,
 )
-from synth.solver.lanes import BLOCK
 from synth.solver.stringmodel import scratch_of, string_model, string_state
 from synth.solver.vectors import FAST, INNER
 

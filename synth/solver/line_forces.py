@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from synth.solver.block_rows import ADV11, ADV21, BLOCK, P21
 from synth.solver.blocks import look
 from synth.solver.coupling import (
     AHEAD,
@@ -35,10 +36,6 @@ from synth.solver.coupling import (
 from synth.solver.due_responses import fill_due
 from synth.solver.few_contacts import answer_of_few, note_matrix
 from synth.solver.lanes import (
-    ADV11,
-    ADV21,
-    BLOCK,
-    P21,
     add_late,
     coast,
     drive,

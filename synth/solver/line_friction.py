@@ -18,9 +18,10 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from synth.solver.block_rows import BLOCK
 from synth.solver.coupling import NEAR, coupling_at, end_at
 from synth.solver.due_responses import fill_those
-from synth.solver.lanes import BLOCK, add_late
+from synth.solver.lanes import add_late
 from synth.solver.lcp import DEPENDENT, NOT_SOLVED, SOLVED, factorise, substitute
 from synth.solver.line_rows import MIX
 from synth.solver.stringmodel import scratch_of, string_model, string_state

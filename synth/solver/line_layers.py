@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from synth.solver.block_rows import BLOCK
 from synth.solver.coupling import NEAR, along, coupling_at, end_at
 from synth.solver.due_responses import fill_due
-from synth.solver.lanes import BLOCK
 from synth.solver.layers import middle
 from synth.solver.lcp import SOLVED, factorise, pivot, substitute
 from synth.solver.line_rows import LEAST_PIVOT, MIX, act_on_rows, begin_rows, push_of_finger

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from numba import njit
 
+from synth.solver.block_rows import BLOCK
 from synth.solver.coupling import NEAR
-from synth.solver.lanes import BLOCK, add_late
+from synth.solver.lanes import add_late
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.stepwise import finger_blend, finger_target
 

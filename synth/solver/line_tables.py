@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from synth.solver.block_rows import BLOCK, KQ, KV, P12, P22
 from synth.solver.certificates import MARGIN, extents
 from synth.solver.coupling import (
     APART,
@@ -34,7 +35,7 @@ from synth.solver.coupling import (
 )
 from synth.solver.due_responses import fill_step, put_off
 from synth.solver.fingers import fill_grip
-from synth.solver.lanes import BLOCK, KQ, KV, P12, P22, padded
+from synth.solver.lanes import padded
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.line_certificates import look_everywhere
 from synth.solver.line_culling import cull, fill_held_at_rest, held_at_rest

@@ -9,26 +9,8 @@ from numba import float64, int64, njit
 
 from synth.jit.entries import kernel
 from synth.native.arrays import aligned
-from synth.solver.lanes import (
-    ADV11,
-    BLOCK,
-    KQ,
-    KQ_LATE,
-    KV,
-    KV_LATE,
-    MINUS_DET,
-    P11,
-    P12,
-    P21,
-    P22,
-    ROWS,
-    TRACE,
-    padded,
-    project_q,
-    project_qq,
-    project_v,
-    project_vv,
-)
+from synth.solver.block_rows import ADV11, BLOCK, KQ, KQ_LATE, KV, KV_LATE, MINUS_DET, P11, P12, P21, P22, ROWS, TRACE
+from synth.solver.lanes import padded, project_q, project_qq, project_v, project_vv
 from synth.solver.vectors import FAST, INNER, dot
 
 

@@ -15,7 +15,8 @@ import numpy as np
 from numba import float32, float64, int64, njit
 
 from synth.jit.entries import kernel
-from synth.solver.lanes import ADV11, ADV22, BLOCK, ROWS, padded_single
+from synth.solver.block_rows import ADV11, ADV22, BLOCK, ROWS
+from synth.solver.lanes import padded_single
 from synth.solver.vectors import INNER
 
 #: half the distance from 1 to the next number of float32

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from numba import njit
 
+from synth.solver.block_rows import BLOCK
 from synth.solver.blocks import advance_blocks, fly_modes, press_blocks, press_two
 from synth.solver.by_law import by_law
 from synth.solver.certificates import forget
 from synth.solver.fingers import advance_under_finger
-from synth.solver.lanes import BLOCK
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.lcp import SOLVED
 from synth.solver.stepwise import one_by_one

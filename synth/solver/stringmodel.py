@@ -18,7 +18,8 @@ from numba import njit
 
 from synth.native.arrays import aligned, allocate, f4, f8, i8, struct, u1
 from synth.native.views import opener, table
-from synth.solver.lanes import BLOCK, ROWS, padded, padded_single
+from synth.solver.block_rows import BLOCK, ROWS
+from synth.solver.lanes import padded, padded_single
 from synth.solver.laws import EXACT_HOLD, contact_matrix
 from synth.solver.responses import make_lags, make_rows, padded_rows
 from synth.solver.single import fill_single_rows

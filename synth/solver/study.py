@@ -9,9 +9,9 @@ from numba import njit
 
 from synth.native.arrays import f8, i8
 from synth.native.views import opener
+from synth.solver.block_rows import BLOCK
 from synth.solver.certificates import amplitudes, reach
 from synth.solver.energy import impulse_work, spring, stored
-from synth.solver.lanes import BLOCK
 from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN_FILTERED
 from synth.solver.layers import held_by_layers
 from synth.solver.lcp import SOLVED

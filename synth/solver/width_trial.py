@@ -14,7 +14,8 @@ from numba import njit
 
 from synth.jit.vector_width import NARROW, WIDE
 from synth.native.arrays import aligned
-from synth.solver.lanes import BLOCK, ROWS, one_kind_of_pass
+from synth.solver.block_rows import BLOCK, ROWS
+from synth.solver.lanes import one_kind_of_pass
 
 LENGTHS = (16, 32, 64, 128, 256)
 #: passes in a round, and rounds of each: a tenth of a second in all

@@ -4,7 +4,8 @@ A fenced block whose opening line names a file is that file; blocks of one name 
 
     ```python title="tremolo.py"
 
-A block marked `sh` without a name is what to type, a command a line. `synth` and `python` are those of this checkout.
+A block marked `sh` without a name is what to type, a command a line, after settings of the environment (NAME=value).
+`synth` and `python` are those of this checkout.
 """
 
 from __future__ import annotations
@@ -62,12 +63,16 @@ def run(folder: Path, *command: str) -> str:
     Kernels are kept where those of the tests are, so that the engine's need not be compiled again.
     """
     words = list(command)
+    settings = {}
+    while "=" in words[0]:
+        name, _, settings[name] = words.pop(0).partition("=")
     if words[0] == "synth":
         words[:1] = [sys.executable, "-m", "synth"]
     elif words[0] == "python":
         words[0] = sys.executable
     path = os.pathsep.join(filter(None, [str(folder), str(REPOSITORY), os.environ.get("PYTHONPATH", "")]))
-    done = subprocess.run(words, cwd=folder, env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True)
+    environment = {**os.environ, **settings, "PYTHONPATH": path}
+    done = subprocess.run(words, cwd=folder, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, f"{shlex.join(command)} ended with {done.returncode}:\n{done.stdout}{done.stderr}"
     return done.stdout
 

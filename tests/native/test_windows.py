@@ -4,6 +4,7 @@ they were called. That they are called so on Windows itself is not shown by this
 import ctypes
 import os
 import sys
+import time
 
 import llvmlite.binding
 import pytest
@@ -68,7 +69,11 @@ def system(monkeypatch):
 
 
 def test_clocks(system, monkeypatch) -> None:
-    now, used, nap = clocks._clock(clocks.MONOTONIC), clocks._clock(clocks.THREAD), intrinsic(clocks._nap)
+    now, used, nap = (
+        clocks._clock(clocks.MONOTONIC, time.monotonic_ns),
+        clocks._clock(clocks.THREAD, time.thread_time_ns),
+        intrinsic(clocks._nap),
+    )
     monkeypatch.setattr(windows, "COUNTS", True)
     assert njit(lambda: now())() == 70 * SECOND + 123_456_700
     assert njit(lambda: used())() == 4200
@@ -80,12 +85,13 @@ def test_clocks(system, monkeypatch) -> None:
 
 def test_the_clock_before_python_3_13_has_ticks(system, monkeypatch) -> None:
     monkeypatch.setattr(windows, "COUNTS", False)
-    now = clocks._clock(clocks.MONOTONIC)
+    now = clocks._clock(clocks.MONOTONIC, time.monotonic_ns)
     assert njit(lambda: now())() == 5_000_000_000 * 10**6
 
 
 def test_tokens_and_giving_way(system) -> None:
-    receive, send, give_way = atomics._transfer("read"), atomics._transfer("write"), intrinsic(atomics._yield)
+    receive, send = atomics._transfer("read", atomics._plain_receive), atomics._transfer("write", atomics._plain_send)
+    give_way = intrinsic(atomics._yield)
     assert njit(lambda: receive(7))()
     assert not njit(lambda: send(9))()
     njit(lambda: give_way())()

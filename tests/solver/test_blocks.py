@@ -14,9 +14,9 @@ from synth.physics.string import String
 from synth.research.case import read_case
 from synth.research.scene import Scene as CaseScene
 from synth.solver import driver
+from synth.solver.block_rows import BLOCK
 from synth.solver.blocks import advance_blocks, fly_blocks, press_blocks, press_two
 from synth.solver.certificates import amplitudes, least_reach, reach
-from synth.solver.lanes import BLOCK
 from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN, MOREAU_JEAN_FILTERED, coefficients, contact_matrix
 from synth.solver.stepwise import advance_free, one_by_one
 from synth.solver.stringmodel import Strung, in_single, make_string

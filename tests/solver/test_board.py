@@ -11,6 +11,7 @@ from synth.native.arrays import allocate
 from synth.native.views import table
 from synth.physics.excitation import pluck_weights
 from synth.solver import wall
+from synth.solver.block_rows import BLOCK
 from synth.solver.board import advance_on_board
 from synth.solver.board_table import (
     HOLDING,
@@ -25,7 +26,6 @@ from synth.solver.board_table import (
     leave_board,
 )
 from synth.solver.fingers import fill_grip
-from synth.solver.lanes import BLOCK
 from synth.solver.laws import EXACT_HOLD, coefficients
 from synth.solver.problem import Problem
 from synth.solver.stringmodel import FREE, Strung, make_string

@@ -11,9 +11,9 @@ import pytest
 from numba import njit
 
 from synth.physics.excitation import pluck_weights
+from synth.solver.block_rows import BLOCK
 from synth.solver.certificates import forget
 from synth.solver.fingers import advance_under_finger, fill_grip
-from synth.solver.lanes import BLOCK
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.stepwise import finger_row, one_by_one
 from tests.patience import compiling_s

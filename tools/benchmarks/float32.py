@@ -12,8 +12,8 @@ import numpy as np
 
 from benchmarks.kernels import Plucked, Stretch
 from synth.native.simd import LANES
+from synth.solver.block_rows import BLOCK
 from synth.solver.blocks import advance_blocks, fly_modes, press_blocks
-from synth.solver.lanes import BLOCK
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.stringmodel import Strung, in_single, place_contacts
 

@@ -15,10 +15,10 @@ from speed_error.grid import BASE_HZ, E0, WITHOUT_R, Run
 from benchmarks.count import fma_per_mode_step
 from synth.native.arrays import aligned
 from synth.physics.modes import modal_frequencies
+from synth.solver.block_rows import BLOCK
 from synth.solver.blocks import advance_blocks, fly_blocks, press_blocks
 from synth.solver.certificates import forget
 from synth.solver.driver import Model, make_model
-from synth.solver.lanes import BLOCK
 from synth.solver.stepwise import advance_free, one_by_one
 from synth.solver.stringmodel import Strung, place_contacts
 from tests.oracles.plain import advance_one

@@ -41,7 +41,7 @@ from synth.author.views.instrument import draw
 from synth.host.string_tape import QUALITY, RATE_HZ, Taped
 from synth.instrument.place import find, speaking
 from synth.instrument.preset import Preset
-from synth.solver.lanes import BLOCK
+from synth.solver.block_rows import BLOCK
 
 LONGEST_S = 10.0
 MOST_FRAMES = 300

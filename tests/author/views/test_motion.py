@@ -15,7 +15,7 @@ from synth.instrument.compile import compile_preset
 from synth.instrument.place import find, speaking
 from synth.instrument.preset import Preset, PresetError, load_preset
 from synth.midi.events import NOTE_ON, make_events
-from synth.solver.lanes import BLOCK
+from synth.solver.block_rows import BLOCK
 
 from .kit import preset, tanpura
 
