@@ -218,6 +218,28 @@ def engine_insides_read(source: str) -> list[str]:
     return [ast.unparse(node) for node in found if node not in own]
 
 
+def crowded(source: str, most: int = 12) -> list[str]:
+    """Functions of more than so many parameters, `self` and `cls` left out."""
+    found = []
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            names = [each.arg for each in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)]
+            if len(names) - (names[:1] in (["self"], ["cls"])) > most:
+                found.append(node.name)
+    return found
+
+
+@pytest.mark.parametrize("path", [*FILES, *TOOLS], ids=lambda path: str(path.relative_to(PACKAGE.parent)))
+def test_functions_have_at_most_twelve_parameters(path: Path) -> None:
+    assert crowded(path.read_text(encoding="utf-8")) == []
+
+
+def test_the_check_counts_parameters() -> None:
+    source = "class A:\n    def f(self, a, b, *, c): ...\ndef g(a, b, /, c, *, d): ...\nasync def h(a, b, c, d, *rest): ..."
+    assert crowded(source, 3) == ["g", "h"]
+    assert crowded(source, 2) == ["g", "h", "f"]
+
+
 @pytest.mark.parametrize("path", [*FILES, *TOOLS], ids=lambda path: str(path.relative_to(PACKAGE.parent)))
 def test_private_names_stay_in_their_module(path: Path) -> None:
     source = path.read_text(encoding="utf-8")

@@ -48,10 +48,14 @@ from synth.solver.single import keeps_losses
 from synth.solver.stringmodel import (
     Coefficients,
     Scratch,
+    StringContacts,
     StringModel,
+    StringModes,
+    StringOutputs,
     StringState,
     make_scratch,
     make_string,
+    no_contacts,
     state_sizes,
 )
 
@@ -311,22 +315,14 @@ class _Lists:
         model = make_string(
             self.law,
             dt,
-            position.mu,
-            position.omega,
-            position.sigma,
+            StringModes(position.mu, position.omega, position.sigma),
             position.coef,
-            position.shapes,
-            position.eta,
-            position.residual,
-            weights,
-            on_q=1,
+            StringContacts(position.shapes, position.eta, position.residual, position.layers, position.matrix),
+            StringOutputs(weights, on_q=1, used=(1 - int(uses_q), int(uses_q) + int(uses_v), int(uses_q))),
             restitution=self.restitution,
             certified=self.law == EXACT_HOLD and c >= CERTIFY_FROM,
-            matrix=position.matrix,
             q_rest=position.q_rest,
-            used=(1 - int(uses_q), int(uses_q) + int(uses_v), int(uses_q)),
             step=self.step,
-            layers=position.layers,
             single=single,
         )
         self.compiled.append(model)
@@ -341,20 +337,13 @@ class _Lists:
         omega, sigma = position.omega[:audible], position.sigma[:audible]
         weights = model.weights * response(self.rate_hz, factor, model.omega / (2.0 * math.pi))
         coef = coefficients(EXACT_HOLD, omega, sigma, mu, frame)
-        none, no_pairs = np.zeros(0), np.zeros((0, 0))
         return make_string(
             EXACT_HOLD,
             frame,
-            mu,
-            omega,
-            sigma,
+            StringModes(mu, omega, sigma),
             coef,
-            np.zeros((0, audible)),
-            none,
-            no_pairs,
-            weights[:, :audible],
-            on_q=1,
-            used=(model.first, model.points, model.on_q),
+            no_contacts(audible),
+            StringOutputs(weights[:, :audible], on_q=1, used=(model.first, model.points, model.on_q)),
             single=bool(model.single),
         )
 

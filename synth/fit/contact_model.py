@@ -34,6 +34,7 @@ from synth.physics.tail import lumped_tail
 from synth.solver import driver
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.plucked import pluck
+from synth.solver.stringmodel import StringContacts, StringModes
 
 Real = NDArray[np.float64]
 #: modes beyond that are left out [Hz]: features end far below
@@ -184,13 +185,9 @@ class ContactModel:
         heard = self._weights(tail.modes)
         return driver.make_model(
             EXACT_HOLD,
-            np.append(omega, tail.omega),
-            np.append(sigma, tail.sigma),
-            string.linear_density_kg_m,
+            StringModes(string.linear_density_kg_m, np.append(omega, tail.omega), np.append(sigma, tail.sigma)),
             1.0 / grid.rate_hz,
-            np.hstack([shapes, tail.shapes]),
-            eta,
-            tail.residual,
+            StringContacts(np.hstack([shapes, tail.shapes]), eta, tail.residual),
             np.append(heard[:n], tail.weights(heard))[None],
             1.0,
         )

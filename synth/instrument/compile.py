@@ -440,32 +440,16 @@ def compile_position(
     preset: Preset,
     string: String,
     obstacle: Obstacle,
+    plan: StringPlan,
     *,
     note: int,
     fret: int,
     open_length_m: float,
-    open_frequency_hz: float,
-    kind: str,
     rest_height_m: float,
-    quality: str,
-    rate_hz: float,
-    scheme: str,
-    internal_rate_hz: float | None,
     gain: float = 1.0,
-    plan: StringPlan | None = None,
 ) -> Position:
-    """The model of one speaking string over its obstacle; `kind` is the open string's scene. plan: made already."""
-    law = law_of(scheme)
-    plan = plan or plan_string(
-        string,
-        open_frequency_hz,
-        len(obstacle),
-        kind,
-        quality=quality,
-        rate_hz=rate_hz,
-        scheme=scheme,
-        internal_rate_hz=internal_rate_hz,
-    )
+    """The model of one speaking string over its obstacle, as planned."""
+    law = law_of(plan.scheme)
     n = plan.modes
     omega = modal_frequencies(string, n)
     sigma = decay_rates(string, n)
@@ -565,7 +549,7 @@ def compile_string(
                 )
             steps, error = choose_steps(frequency, kind, quality, rate_hz, internal_rate_hz)
             internal_rate_hz = steps * rate_hz
-        plan = board = measured = None
+        board = measured = None
         under = obstacle_under(preset, table, note)
         if isinstance(under, BoardObstacle):
             board = string_board(preset, under, opened, gain)
@@ -577,27 +561,33 @@ def compile_string(
             if only_notes is not None and note + fret not in only_notes:
                 continue
             string, obstacle, height = speaking_string(preset, table, note, fret, opened, whole, note_hz)
-            if board is not None:
-                plan = board_plan(preset, opened, string.length_m, quality, rate_hz, scheme, internal_rate_hz)
+            plan = None
             if measured is not None:
                 plan = measured_plan(string, len(obstacle), kind, measured, quality=quality, rate_hz=rate_hz)
+            elif board is not None:
+                plan = board_plan(preset, opened, string.length_m, quality, rate_hz, scheme, internal_rate_hz)
+            if plan is None:
+                plan = plan_string(
+                    string,
+                    frequency,
+                    len(obstacle),
+                    kind,
+                    quality=quality,
+                    rate_hz=rate_hz,
+                    scheme=scheme,
+                    internal_rate_hz=internal_rate_hz,
+                )
             positions.append(
                 compile_position(
                     preset,
                     string,
                     obstacle,
+                    plan,
                     note=note + fret,
                     fret=fret,
                     open_length_m=length,
-                    open_frequency_hz=frequency,
-                    kind=kind,
                     rest_height_m=height,
-                    quality=quality,
-                    rate_hz=rate_hz,
-                    scheme=scheme,
-                    internal_rate_hz=internal_rate_hz,
                     gain=gain,
-                    plan=plan,
                 )
             )
         if preset.coupled:

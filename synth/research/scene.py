@@ -41,6 +41,7 @@ from synth.solver import driver
 from synth.solver.contact_laws import step_of
 from synth.solver.laws import EXACT_HOLD, law_of
 from synth.solver.problem import Problem
+from synth.solver.stringmodel import StringContacts, StringModes
 
 _MOST_BYTES = 4 * 2**30
 _MOST_MODE_STEPS = 1e14  # a day of one core
@@ -218,20 +219,16 @@ class Scene:
             sigma = np.append(sigma, self.tail.sigma)
             shapes = np.hstack([shapes, self.tail.shapes])
             out_shapes = np.hstack([out_shapes, self.tail.weights(outputs)])
+        residual = self._bent_residual(cents) if law == EXACT_HOLD else np.zeros((contacts, contacts))
         return driver.make_model(
             law,
-            omega,
-            sigma,
-            self.string.linear_density_kg_m,
+            StringModes(self.string.linear_density_kg_m, omega, sigma),
             self.dt,
-            shapes,
-            self.eta,
-            self._bent_residual(cents) if law == EXACT_HOLD else np.zeros((contacts, contacts)),
+            StringContacts(shapes, self.eta, residual, self.layers),
             out_shapes,
             self.case.scheme.restitution,
             self.case.scheme.substeps,
             step_of(self.case.scheme.name),
-            self.layers,
         )
 
     def pluck_weights(self, finger: FingerTable) -> np.ndarray:

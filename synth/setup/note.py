@@ -25,6 +25,7 @@ from synth.solver import driver
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.lcp import SOLVED
 from synth.solver.plucked import pluck
+from synth.solver.stringmodel import StringContacts, StringModes, no_contacts
 
 
 @dataclass(frozen=True)
@@ -108,12 +109,8 @@ class SetupNote:
 
     def _model(self, eta: np.ndarray | None, out_shapes: np.ndarray) -> driver.Model:
         here, n = self.position, self.position.omega.size
-        shapes, residual, layers = here.shapes, here.residual, here.layers
-        if eta is None:
-            shapes, residual, layers, eta = np.zeros((0, n)), np.zeros((0, 0)), np.zeros((3, 0)), np.zeros(0)
-        return driver.make_model(
-            EXACT_HOLD, here.omega, here.sigma, here.mu, self.dt, shapes, eta, residual, out_shapes, 0.0, layers=layers
-        )
+        under = no_contacts(n) if eta is None else StringContacts(here.shapes, eta, here.residual, here.layers)
+        return driver.make_model(EXACT_HOLD, StringModes(here.mu, here.omega, here.sigma), self.dt, under, out_shapes, 0.0)
 
     def _pluck(self, model: driver.Model, run: driver.Run, displacement_m: float) -> None:
         """The finger draws the string to a displacement and lets it slide off."""

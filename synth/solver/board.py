@@ -205,7 +205,7 @@ def _block_under_finger(model: int, state: int, scratch: int, board: int, at: in
         target = finger_target(EXACT_HOLD, dt, stiffness, resistance, w.path[at + k], w.path[at + k + 1], 0.0)
         pull[k] = target / blend * stiff
     project_q(n, rows, q, v, touch, y)
-    grip_sequence(pull, stiff, follow, finger.here, y, own, pushes, true)
+    grip_sequence(pull, (stiff, follow, finger.here), y, own, pushes, true)
     mean, strength = 0.0, 0.0
     for k in range(BLOCK):
         mean += pushes[k] / BLOCK

@@ -23,6 +23,9 @@ from synth.solver.responses import make_rows, padded_rows
 from synth.solver.stepwise import LEAST_STIFFNESS
 from synth.solver.stringmodel import (
     MOVING,
+    StringContacts,
+    StringModes,
+    StringOutputs,
     StringState,
     make_scratch,
     make_string,
@@ -139,9 +142,13 @@ class CoupledLines:
         coef = coefficients(EXACT_HOLD, line.omega, line.sigma, mu, step)
         pull = mu * c
         model = make_string(
-            EXACT_HOLD, step, mu, line.omega, line.sigma, coef, line.shapes, line.eta, line.residual, pull[None, :], on_q=0,
-            layers=line.layers,
-        )  # fmt: skip
+            EXACT_HOLD,
+            step,
+            StringModes(mu, line.omega, line.sigma),
+            coef,
+            StringContacts(line.shapes, line.eta, line.residual, line.layers),
+            StringOutputs(pull[None, :], on_q=0),
+        )
         size, contacts = padded(n), line.eta.size
         leverage = aligned(contacts)
         leverage[:] = line.leverage

@@ -25,7 +25,10 @@ from synth.solver.lcp import NOT_SOLVED, SOLVED, natural_residual, solve
 from synth.solver.problem import kept_array
 from synth.solver.stringmodel import (
     Scratch,
+    StringContacts,
     StringModel,
+    StringModes,
+    StringOutputs,
     StringState,
     make_scratch,
     make_state,
@@ -155,10 +158,11 @@ class Model:
         return blocks.step == 0 and self.layers.shape[1] == 0 and blocks.lags.shape[0] == self.eta.size
 
     def but(self, **changed: Any) -> Model:
-        """The same with another argument or two of `make_model`."""
-        names = ("law", "omega", "sigma", "mu", "dt", "shapes", "eta", "residual", "out_shapes", "restitution", "layers")
-        given = {name: getattr(self, name) for name in names} | {"substeps": self.parts, "step": self.string.step}
-        return make_model(**given | changed)
+        """The same with other contacts (fields of StringContacts) or `out_shapes`."""
+        out_shapes = changed.pop("out_shapes", self.out_shapes)
+        under = StringContacts(self.shapes, self.eta, self.residual, self.layers)._replace(**changed)
+        modes = StringModes(self.mu, self.omega, self.sigma)
+        return make_model(self.law, modes, self.dt, under, out_shapes, self.restitution, self.parts, self.string.step)
 
     @property
     def part_coef(self) -> np.ndarray:
@@ -226,13 +230,18 @@ class Run:
 
 
 def make_model(
-    law: int, omega, sigma, mu: float, dt: float, shapes, eta, residual, out_shapes, restitution: float, substeps: int = 1,
-    step: int = 0, layers: np.ndarray | None = None,
-) -> Model:  # fmt: skip
-    """Coefficients and contact matrix for modes ω, σ (N,), contacts S (C, N) at η (C,) and outputs (P, N).
+    law: int,
+    modes: StringModes,
+    dt: float,
+    under: StringContacts,
+    out_shapes,
+    restitution: float,
+    substeps: int = 1,
+    step: int = 0,
+) -> Model:
+    """Coefficients and contact matrix for modes, the contacts under them and outputs (P, N); all arrays may be lists.
 
-    step: address of a law of its own (`contact_laws.step_of`). layers (3, C) of the contacts (`layers`), none unless given:
-    exact-hold's, in steps that are not divided.
+    step: address of a law of its own (`contact_laws.step_of`). Layers of contacts are exact-hold's, in steps not divided.
 
     `substeps` > 1 divides a step where the string touches (`solver.substeps`); exact-hold only, ValueError otherwise.
     """
@@ -240,32 +249,34 @@ def make_model(
         raise ValueError(f"substeps must be a whole number >= 1, got {substeps}; 1 leaves the step whole")
     if substeps > 1 and law != EXACT_HOLD:
         raise ValueError(f"substeps need exact-hold, got {substeps} for a Moreau–Jean law; raise the rate instead")
-    layers = np.zeros((3, 0)) if layers is None else np.ascontiguousarray(layers, dtype=np.float64)
+    mu = modes.mu
+    layers = np.zeros((3, 0)) if under.layers is None else np.ascontiguousarray(under.layers, dtype=np.float64)
     if layers.shape[1] and (substeps > 1 or law != EXACT_HOLD or step):
         raise ValueError(
             "contacts with a soft layer need exact-hold with substeps 1; raise the rate instead of the substeps"
         )
     omega, sigma, shapes, eta, out_shapes = (
-        np.ascontiguousarray(a, dtype=np.float64) for a in (omega, sigma, shapes, eta, out_shapes)
+        np.ascontiguousarray(a, dtype=np.float64) for a in (modes.omega, modes.sigma, under.shapes, under.eta, out_shapes)
     )
     contacts = eta.size
-    residual = np.ascontiguousarray(residual if law == EXACT_HOLD else np.zeros((contacts, contacts)))
+    residual = np.ascontiguousarray(under.residual if law == EXACT_HOLD else np.zeros((contacts, contacts)))
     coef = coefficients(law, omega, sigma, mu, dt)
     g = np.empty((contacts, contacts))
     contact_matrix(law, coef, shapes, residual, g)
     factor = filter_factor(law, omega, coef, dt)
-    what = (shapes, eta, residual, out_shapes)
+    modes, outputs = StringModes(mu, omega, sigma), StringOutputs(out_shapes)
     in_parts = contacts == 1 and substeps > 1
     string = make_string(
-        law, dt, mu, omega, sigma, coef, *what, restitution=restitution, matrix=g, in_blocks=not in_parts, step=step,
-        layers=layers,
+        law, dt, modes, coef, StringContacts(shapes, eta, residual, layers, g), outputs, restitution=restitution,
+        in_blocks=not in_parts, step=step,
     )  # fmt: skip
     part = string
     if substeps > 1:
         shorter, fine = dt / substeps, coefficients(law, omega, sigma, mu, dt / substeps)
         part = make_string(
-            law, shorter, mu, omega, sigma, fine, *what, restitution=restitution, in_blocks=in_parts, step=step
-        )
+            law, shorter, modes, fine, StringContacts(shapes, eta, residual), outputs, restitution=restitution,
+            in_blocks=in_parts, step=step,
+        )  # fmt: skip
     return Model(
         law, dt, restitution, mu, omega, sigma, coef, factor, shapes, eta, g, residual, out_shapes, substeps, part, string,
         layers,

@@ -73,20 +73,20 @@ def fill_grip(model: int, state: int, scratch: int, on_q: int) -> None:
 
 
 @njit(inline="always")
-def _look_under(
-    n: int, rows, shapes, touch, q, v, velocity: int, near, m: int, u, u_finger, joined: int, weights, out, at: int
-) -> None:
-    """`blocks.look`, and the same of the finger's row: u_finger (K,), and of the first output where it has `joined`."""
-    look(n, rows, shapes, q, v, velocity, near, m // 2 * 2, u)
-    if joined and m % 2 == 1:
-        last = shapes[near[m - 1]]
-        project_qqq(n, rows, q, v, last, touch, weights[0], u[m - 1], u_finger, out[0, at:])
+def _look_under(m, s, w, velocity: int, several: int, joined: int, at: int) -> None:
+    """`blocks.look`, and the same of the finger's row, after the contacts', and of the first output where `joined`."""
+    n, rows, shapes, q, v, near, u = m.rows.shape[1], m.rows, m.shapes, s.q, s.v, w.near, w.u
+    touch, u_finger = s.finger_weights[:n], u[shapes.shape[0]]
+    look(n, rows, shapes, q, v, velocity, near, several // 2 * 2, u)
+    if joined and several % 2 == 1:
+        last = shapes[near[several - 1]]
+        project_qqq(n, rows, q, v, last, touch, m.weights[m.first], u[several - 1], u_finger, w.out[at:])
     elif joined:
-        project_qq(n, rows, q, v, touch, weights[0], u_finger, out[0, at:])
-    elif m % 2 == 1 and velocity:
-        project_vv(n, rows, q, v, shapes[near[m - 1]], touch, u[m - 1], u_finger)
-    elif m % 2 == 1:
-        project_qq(n, rows, q, v, shapes[near[m - 1]], touch, u[m - 1], u_finger)
+        project_qq(n, rows, q, v, touch, m.weights[m.first], u_finger, w.out[at:])
+    elif several % 2 == 1 and velocity:
+        project_vv(n, rows, q, v, shapes[near[several - 1]], touch, u[several - 1], u_finger)
+    elif several % 2 == 1:
+        project_qq(n, rows, q, v, shapes[near[several - 1]], touch, u[several - 1], u_finger)
     elif velocity:
         project_v(n, rows, q, v, touch, u_finger)
     else:
@@ -256,21 +256,22 @@ def advance_under_finger(model: int, state: int, scratch: int, blocks: int, stri
             pull[k] = target * per_blend * stiff
         while True:
             several = gather(looked[:contacts], near)
-            _look_under(n, rows, shapes, touch, q, v, 0 if hold else 1, near, several, u, u_finger, joined, weights, out, at)
+            _look_under(m, s, w, 0 if hold else 1, several, joined, at)
             touched, true, status = not hold, w.spare[1], SOLVED
             here = finger.here
             if hold and several == 1:
                 c = near[0]
                 if s.due[c]:
                     fill_due(model, state, scratch, c)
+                held = (stiff, follow, here)
                 grip_and_press_sequence(
-                    pull, stiff, follow, here, u_finger, grip_own, eta[c], u[0], grip[c], lags[c, c], pushes, true, forces[0]
+                    pull, held, u_finger, grip_own, eta[c], u[0], grip[c], lags[c, c], pushes, true, forces[0]
                 )
                 for k in range(BLOCK):
                     touched = touched or forces[0, k] > 0.0
             else:
                 if hold:
-                    grip_sequence(pull, stiff, follow, here, u_finger, grip_own, pushes, true)
+                    grip_sequence(pull, (stiff, follow, here), u_finger, grip_own, pushes, true)
                     touched = _brings_down(several, pushes, s, w)
                 if touched:
                     true = u_finger

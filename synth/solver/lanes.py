@@ -239,6 +239,8 @@ def one_kind_of_pass(motion: str, kinds: str, doubles: int = LANES, narrow_up_to
     return one_pass
 
 
+#: of a finger: how it gives way, how it follows, and where it is
+_HELD = types.UniTuple(types.float64, 3)
 project_q = one_kind_of_pass("", "q")
 project_v = one_kind_of_pass("", "v")
 project_qq = one_kind_of_pass("", "qq")
@@ -293,42 +295,39 @@ def press_sequence(typingctx, u, eta, response, forces):
 
 
 @intrinsic(plain=plain_lanes.grip_sequence)
-def grip_sequence(typingctx, pull, stiff, follow, here, y, own, pushes, true):
+def grip_sequence(typingctx, pull, held, y, own, pushes, true):
     """A finger alone on the string over K steps: pushes (K,), and its row `true` (K,) with them, from the free one, y (K,).
 
     p_k = a_k − stiff·y_k + follow·y⁺_{k−1}, y_k with the pushes before it, y⁺_k with its own too, y⁺_{−1} = here; a is
-    `pull` (K,); own (2K,) is the response of the row to itself, with K zeros before it.
+    `pull` (K,), `held` (stiff, follow, here); own (2K,) is the response of the row to itself, with K zeros before it.
     """
 
     def emit(context, builder, signature, args):
         code = Code(context, builder, signature, args)
-        _emit_grip(code, 6, 7, None)
+        _emit_grip(code, 4, 5, None)
         return context.get_dummy_value()
 
-    return types.void(pull, types.float64, types.float64, types.float64, y, own, pushes, true), emit
+    return types.void(pull, _HELD, y, own, pushes, true), emit
 
 
 @intrinsic(plain=plain_lanes.grip_and_press_sequence)
-def grip_and_press_sequence(
-    typingctx, pull, stiff, follow, here, y, own, eta, u, cross, response, pushes, true, forces
-):  # fmt: skip
+def grip_and_press_sequence(typingctx, pull, held, y, own, eta, u, cross, response, pushes, true, forces):
     """`grip_sequence` over one contact, exact-hold: u (K,) its free row, eta its height, its responses to the finger
     (cross, 2K) and to itself; forces (K,) are what it gives. Its own pushes are those that leave 0 ≤ λ ⊥ u − η ≥ 0."""
 
     def emit(context, builder, signature, args):
         code = Code(context, builder, signature, args)
-        _emit_grip(code, 10, 11, 6)
+        _emit_grip(code, 8, 9, 4)
         return context.get_dummy_value()
 
-    number = types.float64
-    return types.void(pull, number, number, number, y, own, number, u, cross, response, pushes, true, forces), emit
+    return types.void(pull, _HELD, y, own, types.float64, u, cross, response, pushes, true, forces), emit
 
 
 def _emit_grip(code: Code, pushes: int, true: int, eta: int | None) -> None:
     """The two above, in scalars that stay in registers; numbers of the arguments of these names."""
     b = code.b
-    stiff, follow, here = code.args[1:4]
-    at_pull, at_y, at_own, at_pushes, at_true = (code.data(i) for i in (0, 4, 5, pushes, true))
+    stiff, follow, here = cgutils.unpack_tuple(b, code.args[1], 3)
+    at_pull, at_y, at_own, at_pushes, at_true = (code.data(i) for i in (0, 2, 3, pushes, true))
     contact = eta is not None
     scalar_fma = cgutils.get_or_insert_function(b.module, ir.FunctionType(DOUBLE, [DOUBLE] * 3), "llvm.fma.f64")
     zero = ir.Constant(DOUBLE, 0.0)
@@ -343,7 +342,7 @@ def _emit_grip(code: Code, pushes: int, true: int, eta: int | None) -> None:
     y = [code.scalar(at_y, k) for k in range(BLOCK)]
     slack, against = b.fneg(stiff), None
     if eta is not None:
-        at_u, at_cross, at_response, at_forces = (code.data(i) for i in (eta + 1, eta + 2, eta + 3, 12))
+        at_u, at_cross, at_response, at_forces = (code.data(i) for i in (eta + 1, eta + 2, eta + 3, 10))
         cross = [code.scalar(at_cross, BLOCK + k) for k in range(BLOCK)]
         response = [code.scalar(at_response, BLOCK + k) for k in range(BLOCK)]
         depth = [b.fsub(code.args[eta], code.scalar(at_u, k)) for k in range(BLOCK)]

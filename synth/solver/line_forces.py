@@ -303,10 +303,10 @@ def _finger_alone(model: int, state: int, end: int, scratch: int, at: int, turn:
         )
         pull[k] = target / blend * stiff
         y[k] = e.u[contacts, k] + moved[k] * turn
-    grip_sequence(pull, stiff, follow, finger.here, y, s.grip_own[0], e.forces[contacts], w.spare[2])
+    grip_sequence(pull, (stiff, follow, finger.here), y, s.grip_own[0], e.forces[contacts], w.spare[2])
     for k in range(BLOCK):
         pull[k] = 0.0
-    grip_sequence(pull, stiff, follow, 0.0, moved, s.grip_own[0], e.slopes[contacts], w.spare[2])
+    grip_sequence(pull, (stiff, follow, 0.0), moved, s.grip_own[0], e.slopes[contacts], w.spare[2])
     return dot(e.finger_reach[0], e.forces[contacts]), dot(e.finger_reach[0], e.slopes[contacts])
 
 

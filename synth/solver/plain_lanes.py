@@ -65,18 +65,18 @@ def press_sequence(u: np.ndarray, eta: float, response: np.ndarray, forces: np.n
         forces[k] = max(0.0, (eta - u[k] - _sum_before(k, response, forces)) / response[BLOCK])
 
 
-def grip_sequence(pull, stiff, follow, here, y, own, pushes, true) -> None:
+def grip_sequence(pull, held, y, own, pushes, true) -> None:
     """p_k = a_k − stiff·y_k + follow·y⁺_{k−1}, y_k with the pushes before it, y⁺_k with its own too."""
+    stiff, follow, here = held
     pushes[:BLOCK] = 0.0
     for k in range(BLOCK):
         pushes[k] = pull[k] - stiff * (y[k] + _sum_before(k, own, pushes)) + follow * here
         here = true[k] = y[k] + _sum_before(k, own, pushes)
 
 
-def grip_and_press_sequence(
-    pull, stiff, follow, here, y, own, eta, u, cross, response, pushes, true, forces
-) -> None:  # fmt: skip
+def grip_and_press_sequence(pull, held, y, own, eta, u, cross, response, pushes, true, forces) -> None:
     """The same over one contact: both unknowns of a step at once, 0 ≤ λ ⊥ u − η ≥ 0."""
+    stiff, follow, here = held
     pushes[:BLOCK] = forces[:BLOCK] = 0.0
     for k in range(BLOCK):
         before = y[k] + _sum_before(k, own, pushes) + _sum_before(k, cross, forces)

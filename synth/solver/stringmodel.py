@@ -162,39 +162,68 @@ string_model, string_state, scratch_of = opener(StringModel), opener(StringState
 SIZES = {"ROWS": ROWS, "RESPONSE": RESPONSE, "BLOCK": BLOCK, "N_COUNTS": N_COUNTS}
 
 
+class StringModes(NamedTuple):
+    """Modes of a string: mass per length μ [kg/m], angular frequencies ω and decay rates σ (N,) [rad/s, 1/s]."""
+
+    mu: float
+    omega: np.ndarray
+    sigma: np.ndarray
+
+
+class StringContacts(NamedTuple):
+    """Contacts under a string.
+
+    shapes (C, N) of the modes there; eta (C,) heights [m]; residual (C, C) static compliance [m/N]; layers (3, C) of
+    `layers`, None or (3, 0): none; matrix (C, C) of `laws.contact_matrix`, None where it is not known yet
+    """
+
+    shapes: np.ndarray
+    eta: np.ndarray
+    residual: np.ndarray
+    layers: np.ndarray | None = None
+    matrix: np.ndarray | None = None
+
+
+class StringOutputs(NamedTuple):
+    """Outputs of a string: weights (P, N), the first on_q of them on displacements, the others on velocities (None: all on
+    displacements); used: first, number, on_q of those in use, None: all."""
+
+    weights: np.ndarray
+    on_q: int | None = None
+    used: tuple[int, int, int] | None = None
+
+
+def no_contacts(modes: int) -> StringContacts:
+    """Of so many modes."""
+    return StringContacts(np.zeros((0, modes)), np.zeros(0), np.zeros((0, 0)))
+
+
 def make_string(
     law: int,
     dt: float,
-    mu: float,
-    omega: np.ndarray,
-    sigma: np.ndarray,
+    modes: StringModes,
     coef: np.ndarray,
-    shapes: np.ndarray,
-    eta: np.ndarray,
-    residual: np.ndarray,
-    weights: np.ndarray,
+    under: StringContacts,
+    outputs: StringOutputs,
     *,
-    on_q: int | None = None,
     restitution: float = 0.0,
     certified: bool = False,
-    matrix: np.ndarray | None = None,
     q_rest: np.ndarray | None = None,
-    used: tuple[int, int, int] | None = None,
     in_blocks: bool = True,
     step: int = 0,
-    layers: np.ndarray | None = None,
     single: bool = False,
 ) -> StringModel:
-    """A model of N modes ω, σ (N,) with step coefficients (6, N) over C contacts S (C, N) at η (C,) [m].
+    """A model of N modes with step coefficients (6, N) over the contacts under it.
 
-    residual (C, C): their static compliance; weights (P, N), the first on_q of them on displacements (all, unless said);
-    used: first, points, on_q of those in use, all unless said; matrix: where `laws.contact_matrix` is known already; q_rest
-    (N,), zero unless given; layers (3, C) or (3, 0), none unless given; in_blocks: with the tables that steps in blocks
-    need, unless contacts are too many for them; single: with modes in float32 there.
+    q_rest (N,), zero unless given; in_blocks: with the tables that steps in blocks need, unless contacts are too many for
+    them; single: with modes in float32 there.
     """
+    mu, omega, sigma = modes
+    shapes, eta, residual, layers, matrix = under
+    weights = outputs.weights
     n, contacts, points = omega.size, eta.size, weights.shape[0]
-    on_q = points if on_q is None else on_q
-    first, in_use, in_use_on_q = used or (0, points, on_q)
+    on_q = points if outputs.on_q is None else outputs.on_q
+    first, in_use, in_use_on_q = outputs.used or (0, points, on_q)
     if matrix is None:
         matrix = np.empty((contacts, contacts))
         contact_matrix(law, np.ascontiguousarray(coef), np.ascontiguousarray(shapes), _copy(residual), matrix)

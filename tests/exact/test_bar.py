@@ -9,6 +9,7 @@ from synth.research.exact import bar
 from synth.solver import driver
 from synth.solver.energy import filter_factor
 from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN, MOREAU_JEAN_FILTERED, coefficients
+from synth.solver.stringmodel import StringContacts, StringModes
 from tests.oracles import steps as twin
 
 LENGTH, MODULUS, DENSITY, SPEED, GAP, THROW = 10.0, 900.0, 1.0, 30.0, 5.0, 10.0
@@ -118,7 +119,14 @@ def throw(law, modes, courant, restitution=0.0, compliance=False, duration=2.0):
     dt = courant * LENGTH / SPEED / modes
     omega, shape = bar.modes(LENGTH, SPEED, modes), bar.shapes(LENGTH, np.zeros(1), modes)
     residual = np.array([[bar.end_compliance(LENGTH, MODULUS, modes) if compliance else 0.0]])
-    model = driver.make_model(law, omega, np.zeros(modes), DENSITY, dt, shape, np.zeros(1), residual, shape, restitution)
+    model = driver.make_model(
+        law,
+        StringModes(DENSITY, omega, np.zeros(modes)),
+        dt,
+        StringContacts(shape, np.zeros(1), residual),
+        shape,
+        restitution,
+    )
     q, v = np.zeros(modes), np.zeros(modes)
     q[0], v[0] = GAP * np.sqrt(LENGTH), -THROW * np.sqrt(LENGTH)
     steps = round(duration / dt)

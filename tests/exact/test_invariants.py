@@ -11,6 +11,7 @@ from synth.physics.string import String
 from synth.research.simulation import simulate
 from synth.solver import driver
 from synth.solver.laws import EXACT_HOLD
+from synth.solver.stringmodel import StringContacts, StringModes
 
 SCHEMES = [
     pytest.param({"name": "exact-hold"}, id="exact-hold + R"),
@@ -74,9 +75,13 @@ def model(dt, modes, residual=True):
     points = np.array([0.3])
     r = residual_compliance(string, points, modes) if residual else np.zeros((1, 1))
     return driver.make_model(
-        EXACT_HOLD, modal_frequencies(string, modes), decay_rates(string, modes), 1e-3, dt,
-        mode_shapes(1.0, points, modes), np.array([-2e-4]), r, np.eye(modes), 0.0,
-    )  # fmt: skip
+        EXACT_HOLD,
+        StringModes(1e-3, modal_frequencies(string, modes), decay_rates(string, modes)),
+        dt,
+        StringContacts(mode_shapes(1.0, points, modes), np.array([-2e-4]), r),
+        np.eye(modes),
+        0.0,
+    )
 
 
 def advanced(what, q, v, steps):

@@ -79,10 +79,13 @@ def test_exact_hold_of_few_rigid_modes_does_not_converge():
     """
     from synth.solver import driver
     from synth.solver.laws import EXACT_HOLD
+    from synth.solver.stringmodel import StringContacts, StringModes
 
     for fraction in (0.05, 0.3, 0.5, 0.8, 0.95):
-        one = np.ones((1, 1))
-        model = driver.make_model(EXACT_HOLD, [0.0], [0.0], 1.0, 0.1, one, [0.0], 0.0 * one, one, 0.0)
+        one, zero = np.ones((1, 1)), np.zeros(1)
+        model = driver.make_model(
+            EXACT_HOLD, StringModes(1.0, zero, zero), 0.1, StringContacts(one, zero, 0.0 * one), one, 0.0
+        )
         run = driver.start_run(model, np.array([0.1 * fraction]), np.array([-1.0]), np.zeros(1), 1, 11, False, False)
         driver.run(model, run, 10)
         assert run.v[0] == pytest.approx(abs(1.0 - 2.0 * fraction), abs=1e-12)

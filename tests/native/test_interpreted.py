@@ -142,20 +142,20 @@ def test_a_sequence_is_its_plain_function(lifted: float) -> None:
 
     u, y, pull = rng.normal(size=(3, BLOCK))
     own, cross, mine = response(1.0), response(0.3), response(0.8)
-    grip = (pull, 0.7, 0.2, 0.1, y, own)
+    held = (0.7, 0.2, 0.1)
 
     @njit
     def compiled(u, eta, mine, forces, pull, y, own, pushes, true, cross, both):
         lanes.press_sequence(u, eta, mine, forces)
-        lanes.grip_sequence(pull, 0.7, 0.2, 0.1, y, own, pushes[0], true[0])
-        lanes.grip_and_press_sequence(pull, 0.7, 0.2, 0.1, y, own, eta, u, cross, mine, pushes[1], true[1], both)
+        lanes.grip_sequence(pull, held, y, own, pushes[0], true[0])
+        lanes.grip_and_press_sequence(pull, held, y, own, eta, u, cross, mine, pushes[1], true[1], both)
 
     forces, both, pushes, true = np.zeros(BLOCK), np.zeros(BLOCK), np.zeros((2, BLOCK)), np.zeros((2, BLOCK))
     compiled(u, lifted, mine, forces, pull, y, own, pushes, true, cross, both)
     expected = [np.zeros(BLOCK) for _ in range(6)]
     plain_lanes.press_sequence(u, lifted, mine, expected[0])
-    plain_lanes.grip_sequence(*grip, expected[1], expected[2])
-    plain_lanes.grip_and_press_sequence(*grip, lifted, u, cross, mine, *expected[3:])
+    plain_lanes.grip_sequence(pull, held, y, own, expected[1], expected[2])
+    plain_lanes.grip_and_press_sequence(pull, held, y, own, lifted, u, cross, mine, *expected[3:])
     for got, want in zip((forces, pushes[0], true[0], pushes[1], true[1], both), expected, strict=True):
         assert np.abs(got - want).max() < 1e-12
     assert (forces > 0.0).any() or lifted < 0.0

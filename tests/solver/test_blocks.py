@@ -19,7 +19,7 @@ from synth.solver.blocks import advance_blocks, fly_blocks, press_blocks, press_
 from synth.solver.certificates import amplitudes, least_reach, reach
 from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN, MOREAU_JEAN_FILTERED, coefficients, contact_matrix
 from synth.solver.stepwise import advance_free, one_by_one
-from synth.solver.stringmodel import Strung, in_single, make_string
+from synth.solver.stringmodel import StringContacts, StringModes, StringOutputs, Strung, in_single, make_string
 from tests.oracles.plain import advance_one
 from tests.patience import compiling_s, patience_s
 
@@ -56,9 +56,15 @@ class Scene:
     def strung(self, steps, restitution=1.0, outputs=0, on_q=1, certified=False, **more):
         """Ready for calls of that many steps; outputs: displacement at one point, velocity at another."""
         model = make_string(
-            self.law, self.dt, self.mu, self.omega, 0.0 * self.omega, self.coef, self.shapes, self.eta, self.residual,
-            self.weights[:outputs], on_q=min(on_q, outputs), restitution=restitution, certified=certified, matrix=self.g,
-        )  # fmt: skip
+            self.law,
+            self.dt,
+            StringModes(self.mu, self.omega, 0.0 * self.omega),
+            self.coef,
+            StringContacts(self.shapes, self.eta, self.residual, matrix=self.g),
+            StringOutputs(self.weights[:outputs], on_q=min(on_q, outputs)),
+            restitution=restitution,
+            certified=certified,
+        )
         return Strung(model, self.q, self.v, steps, watched=not certified, **more)
 
     def plain(self, steps, restitution=1.0):
@@ -279,7 +285,12 @@ def test_rows_in_the_middle_of_blocks(law):
     """The driver writes the same rows whatever their distance and wherever a run is cut."""
     scene = Scene(5, law, 3, modes=40)
     model = driver.make_model(
-        law, scene.omega, scene.sigma, scene.mu, scene.dt, scene.shapes, scene.eta, np.zeros((3, 3)), scene.weights, 0.3
+        law,
+        StringModes(scene.mu, scene.omega, scene.sigma),
+        scene.dt,
+        StringContacts(scene.shapes, scene.eta, np.zeros((3, 3))),
+        scene.weights,
+        0.3,
     )
 
     def run(every, pieces, ledger=False):
@@ -310,9 +321,13 @@ def test_leftovers_and_blocks_are_one_run():
     for seed in range(12):
         scene = Scene(seed, EXACT_HOLD, 6, modes=40, gap_m=5e-4)
         model = driver.make_model(
-            EXACT_HOLD, scene.omega, scene.sigma, scene.mu, scene.dt, scene.shapes, scene.eta, scene.residual,
-            scene.weights, 1.0,
-        )  # fmt: skip
+            EXACT_HOLD,
+            StringModes(scene.mu, scene.omega, scene.sigma),
+            scene.dt,
+            StringContacts(scene.shapes, scene.eta, scene.residual),
+            scene.weights,
+            1.0,
+        )
         runs = []
         for ledger in (True, False):
             state = driver.start_run(model, scene.q, scene.v, np.zeros(6), 16, 30, ledger, False)

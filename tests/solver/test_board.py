@@ -28,7 +28,7 @@ from synth.solver.board_table import (
 from synth.solver.fingers import fill_grip
 from synth.solver.laws import EXACT_HOLD, coefficients
 from synth.solver.problem import Problem
-from synth.solver.stringmodel import FREE, Strung, make_string
+from synth.solver.stringmodel import FREE, StringModes, StringOutputs, Strung, make_string, no_contacts
 
 MU = 6.7e-3
 
@@ -82,19 +82,13 @@ class Scene:
     def string(self, steps: int, path: np.ndarray | None = None) -> Strung:
         weights = np.array([self.shapes[self.modes // 3], self.shapes[self.modes // 5]])
         coef = coefficients(EXACT_HOLD, self.omega, self.sigma, MU, self.dt)
-        none = np.zeros((0, 0))
         model = make_string(
             EXACT_HOLD,
             self.dt,
-            MU,
-            self.omega,
-            self.sigma,
+            StringModes(MU, self.omega, self.sigma),
             coef,
-            np.zeros((0, self.modes)),
-            np.zeros(0),
-            none,
-            weights,
-            on_q=1,
+            no_contacts(self.modes),
+            StringOutputs(weights, on_q=1),
         )
         return Strung(model, self.q, self.v, steps, path=path)
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from synth.solver.certificates import HORIZONS, certify
 from synth.solver.laws import EXACT_HOLD, coefficients
-from synth.solver.stringmodel import CLOCK, Strung, make_string
+from synth.solver.stringmodel import CLOCK, StringContacts, StringModes, StringOutputs, Strung, make_string
 
 N, C = 60, 12
 DT = 1.0 / 88_200.0
@@ -29,7 +29,8 @@ def scene(rng: np.random.Generator):
 
 def strung(omega, sigma, shapes, eta, q, v, now: int) -> Strung:
     coef, none = coefficients(EXACT_HOLD, omega, sigma, MU, DT), np.zeros((0, N))
-    string = Strung(make_string(EXACT_HOLD, DT, MU, omega, sigma, coef, shapes, eta, np.zeros((C, C)), none), q, v, 1)
+    modes, under = StringModes(MU, omega, sigma), StringContacts(shapes, eta, np.zeros((C, C)))
+    string = Strung(make_string(EXACT_HOLD, DT, modes, coef, under, StringOutputs(none)), q, v, 1)
     string.state.counts[CLOCK] = now
     return string
 

@@ -12,6 +12,7 @@ from synth.solver.driver import Finger
 from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN, MOREAU_JEAN_FILTERED
 from synth.solver.lcp import SOLVED
 from synth.solver.stepwise import finger_row
+from synth.solver.stringmodel import StringContacts, StringModes
 
 
 def random_string(rng) -> String:
@@ -32,13 +33,13 @@ def build(string, modes, dt, positions, eta, law=EXACT_HOLD, compliant=False, re
     contacts = len(positions)
     return driver.make_model(
         law,
-        modal_frequencies(string, modes),
-        decay_rates(string, modes),
-        string.linear_density_kg_m,
+        StringModes(string.linear_density_kg_m, modal_frequencies(string, modes), decay_rates(string, modes)),
         dt,
-        mode_shapes(string.length_m, np.array(positions), modes),
-        np.array(eta),
-        residual_compliance(string, positions, modes) if compliant else np.zeros((contacts, contacts)),
+        StringContacts(
+            mode_shapes(string.length_m, np.array(positions), modes),
+            np.array(eta),
+            residual_compliance(string, positions, modes) if compliant else np.zeros((contacts, contacts)),
+        ),
         mode_shapes(string.length_m, np.array(outputs), modes),
         restitution,
     )

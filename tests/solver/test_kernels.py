@@ -17,7 +17,7 @@ from synth.solver.laws import (
 )
 from synth.solver.lcp import SOLVED
 from synth.solver.stepwise import advance_free, finger_row, one_by_one
-from synth.solver.stringmodel import Strung, make_string
+from synth.solver.stringmodel import StringContacts, StringModes, StringOutputs, Strung, make_string
 from tests.oracles import steps as twin
 from tests.oracles.plain import advance_one
 
@@ -63,9 +63,14 @@ def strung(scene: Scene, law: int, steps: int, path=None) -> Strung:
     coef = coefficients(law, scene.omega, scene.sigma, scene.mu, scene.dt)
     weights = np.array([np.ones(modes), 1.0 / np.arange(1, modes + 1), np.ones(modes)])
     model = make_string(
-        law, scene.dt, scene.mu, scene.omega, scene.sigma, coef, scene.shapes, scene.eta, scene.residual, weights, on_q=2,
+        law,
+        scene.dt,
+        StringModes(scene.mu, scene.omega, scene.sigma),
+        coef,
+        StringContacts(scene.shapes, scene.eta, scene.residual),
+        StringOutputs(weights, on_q=2),
         restitution=scene.restitution,
-    )  # fmt: skip
+    )
     return Strung(model, scene.q, scene.v, steps, watched=True, path=path)
 
 

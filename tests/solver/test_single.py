@@ -19,7 +19,7 @@ from synth.native.denormals import enable_ftz, restore
 from synth.solver.laws import EXACT_HOLD, coefficients, contact_matrix
 from synth.solver.single import ROUNDING, keeps_losses
 from synth.solver.step import advance
-from synth.solver.stringmodel import Strung, make_string
+from synth.solver.stringmodel import StringContacts, StringModes, StringOutputs, Strung, make_string
 
 RATE_HZ = 44100.0
 STEPS = 1024
@@ -48,9 +48,15 @@ def string_of(
     coef, matrix = coefficients(EXACT_HOLD, place.omega, place.sigma, place.mu, dt), np.zeros((count, count))
     contact_matrix(EXACT_HOLD, coef, shapes, residual, matrix)
     model = make_string(
-        EXACT_HOLD, dt, place.mu, place.omega, place.sigma, coef, shapes, eta, residual, np.array([place.wq]), matrix=matrix,
-        certified=count >= 3, single=single,
-    )  # fmt: skip
+        EXACT_HOLD,
+        dt,
+        StringModes(place.mu, place.omega, place.sigma),
+        coef,
+        StringContacts(shapes, eta, residual, matrix=matrix),
+        StringOutputs(np.array([place.wq])),
+        certified=count >= 3,
+        single=single,
+    )
     return Strung(model, q, np.zeros(q.size), STEPS)
 
 

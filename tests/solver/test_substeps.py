@@ -9,6 +9,7 @@ from synth.solver import driver
 from synth.solver.driver import Finger
 from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN
 from synth.solver.stepwise import finger_row
+from synth.solver.stringmodel import StringContacts, StringModes
 from tests.oracles.steps import substepped_step
 
 OUT = [0.83, 0.4]
@@ -30,13 +31,9 @@ def scene(rng, contacts, substeps, rate_factor=1, compliant=True, points=2):
     residual = residual_compliance(string, positions, modes) if compliant else np.zeros((contacts, contacts))
     model = driver.make_model(
         EXACT_HOLD,
-        omega,
-        decay_rates(string, modes),
-        string.linear_density_kg_m,
+        StringModes(string.linear_density_kg_m, omega, decay_rates(string, modes)),
         dt / rate_factor,
-        mode_shapes(1.0, positions, modes),
-        eta,
-        residual,
+        StringContacts(mode_shapes(1.0, positions, modes), eta, residual),
         mode_shapes(1.0, np.array(OUT[:points]), modes),
         1.0,
         substeps,
@@ -168,9 +165,15 @@ def test_a_finger_is_the_plain_scheme_at_k_times_the_rate(contacts):
 
 def test_what_cannot_be_divided_is_refused():
     model, _, _ = scene(np.random.default_rng(0), 1, 1)
-    arrays = (model.omega, model.sigma, model.mu, model.dt, model.shapes)
+    given = (
+        StringModes(model.mu, model.omega, model.sigma),
+        model.dt,
+        StringContacts(model.shapes, model.eta, model.residual),
+        model.out_shapes,
+        0.0,
+    )
     for count in (0, -1, 1.5):
         with pytest.raises(ValueError, match="substeps must be a whole number >= 1"):
-            driver.make_model(EXACT_HOLD, *arrays, model.eta, model.residual, model.out_shapes, 0.0, count)
+            driver.make_model(EXACT_HOLD, *given, count)
     with pytest.raises(ValueError, match="substeps need exact-hold"):
-        driver.make_model(MOREAU_JEAN, *arrays, model.eta, model.residual, model.out_shapes, 0.0, 2)
+        driver.make_model(MOREAU_JEAN, *given, 2)

@@ -18,7 +18,7 @@ from synth.physics.modes import modal_frequencies
 from synth.solver.block_rows import BLOCK
 from synth.solver.blocks import advance_blocks, fly_blocks, press_blocks
 from synth.solver.certificates import forget
-from synth.solver.driver import Model, make_model
+from synth.solver.driver import Model
 from synth.solver.stepwise import advance_free, one_by_one
 from synth.solver.stringmodel import Strung, place_contacts
 from tests.oracles.plain import advance_one
@@ -72,11 +72,8 @@ def string(setting: Setting) -> Plucked:
     some = np.unique(np.linspace(0, m.eta.size - 1, setting.contacts).round().astype(int))
     if some.size != setting.contacts:
         raise ValueError(f"the case {case} has {m.eta.size} contacts, {setting.contacts} are wanted")
-    none = np.zeros((some.size, some.size))
-    model = make_model(
-        m.law, m.omega, m.sigma, m.mu, m.dt, m.shapes[some], m.eta[some], none, m.out_shapes, m.restitution
-    )  # fmt: skip
-    return Plucked(model, *scene.initial())
+    fewer = m.but(shapes=m.shapes[some], eta=m.eta[some], residual=np.zeros((some.size, some.size)), layers=None)
+    return Plucked(fewer, *scene.initial())
 
 
 def steps_of(setting: Setting, short: bool) -> int:

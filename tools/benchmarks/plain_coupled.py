@@ -111,12 +111,12 @@ class PlainInstrument:
     def advance(self, frames: int) -> np.ndarray:
         """(channels, frames) what the body radiates."""
         out = np.zeros((self.radiation.shape[0], frames))
-        self.unsolved += _advance(
-            frames, self.frame_s, self.steps, self.modes, self.first, self.rows, self.coef, self.ramp, self.kicked,
-            self.shapes, self.leverage, self.eta, self.direction, self.mu, self.stiffness, self.body_step, self.body_shape,
-            self.radiation, self.rest_mass, self.held, self.gap_v, self.force_f, self.force_v, self.gamma, self.solved,
-            self.change, self.columns, self.q, self.v, self.p, self.p_speed, self.speed, self.rest, out,
-        )  # fmt: skip
+        lines = (self.steps, self.modes, self.first, self.rows, self.coef, self.ramp, self.kicked)
+        under = (self.shapes, self.leverage, self.eta, self.direction, self.mu, self.stiffness)
+        body = (self.body_step, self.body_shape, self.radiation, self.rest_mass)
+        work = (self.held, self.gap_v, self.force_f, self.force_v, self.gamma, self.solved, self.change, self.columns)
+        state = (self.q, self.v, self.p, self.p_speed, self.speed, self.rest)
+        self.unsolved += _advance(frames, self.frame_s, lines, under, body, work, state, out)
         return out
 
 
@@ -130,12 +130,13 @@ def _fly(n, coef, q, v):
 
 
 @njit(nogil=True, fastmath=True, cache=True)
-def _advance(
-    frames, frame, steps, modes, first, rows, coef, ramp, kicked, shapes, leverage, eta, direction, mu, stiffness, body_step,
-    body_shape, radiation, rest_mass, held, gap_v, force_f, force_v, gamma, solved, change, columns, q, v, p, p_speed, speed,
-    rest, out,
-):  # fmt: skip
+def _advance(frames, frame, lined, under, body, work, state, out):
     """Frames of a `PlainInstrument`; in how many of them the contacts were not solved."""
+    steps, modes, first, rows, coef, ramp, kicked = lined
+    shapes, leverage, eta, direction, mu, stiffness = under
+    body_step, body_shape, radiation, rest_mass = body
+    held, gap_v, force_f, force_v, gamma, solved, change, columns = work
+    q, v, p, p_speed, speed, rest = state
     d, lines, bodies, total = speed.size, steps.size, p.size, rows[-1]
     gap, force = np.zeros(total), np.zeros(total)
     bridge, pull, drift, new = np.zeros(d), np.zeros(d), np.zeros(d), np.zeros(d)

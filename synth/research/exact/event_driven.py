@@ -28,6 +28,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -59,6 +60,27 @@ class Events:
     piece_s: float  # h
     unsolved: int  # pieces given up at the largest number of events
     last_contact_s: float  # −1: none
+
+
+class _Scene(NamedTuple):
+    """What `run` is given of the string, the point and the outputs."""
+
+    omega: np.ndarray
+    sigma: np.ndarray
+    mu: float
+    shape: np.ndarray
+    eta: float
+    residual: float
+    weights: np.ndarray
+
+
+class _Made(NamedTuple):
+    """What the kernel fills: outputs, the columns of `_record`, events, time of the last contact (1,)."""
+
+    u: np.ndarray
+    sums: np.ndarray
+    counts: np.ndarray
+    times: np.ndarray
 
 
 def run(
@@ -94,12 +116,10 @@ def run(
     h = row_s / pieces
     q, v = np.array(q, dtype=np.float64), np.array(v, dtype=np.float64)
     weights = np.ascontiguousarray(weights, dtype=np.float64)
-    u, sums, times = np.zeros((rows, weights.shape[0])), np.zeros((rows, 5)), np.array([-1.0])
-    counts = np.zeros(4, np.int64)
-    _run(
-        omega, sigma, mu, shape, float(eta), float(residual), q, v, h, pieces,
-        coefficients(EXACT_HOLD, omega, sigma, mu, h), _pascal(), weights, u, sums, counts, times,
-    )  # fmt: skip
+    scene = _Scene(omega, sigma, mu, shape, float(eta), float(residual), weights)
+    made = _Made(np.zeros((rows, weights.shape[0])), np.zeros((rows, 5)), np.zeros(4, np.int64), np.array([-1.0]))
+    _run(scene, q, v, h, pieces, coefficients(EXACT_HOLD, omega, sigma, mu, h), _pascal(), made)
+    u, sums, counts, times = made
     force = sums[:, 0].copy()
     force[1:] /= row_s
     gap = sums[:, 4]
@@ -286,7 +306,9 @@ def _record(row, omega, mu, shape, eta, weights, q, v, u, sums) -> None:
 
 
 @njit(cache=True, nogil=True)
-def _run(omega, sigma, mu, shape, eta, residual, q, v, h, pieces, whole, pascal, weights, u, sums, counts, times):
+def _run(scene, q, v, h, pieces, whole, pascal, made):
+    omega, sigma, mu, shape, eta, residual, weights = scene
+    u, sums, counts, times = made
     n = omega.size
     degree = pascal.shape[0] - 1
     norm = _dot(shape, shape)

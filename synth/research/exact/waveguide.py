@@ -105,13 +105,15 @@ def run(
         0, -1, np.array(right), np.array(left), off,
     )  # fmt: skip
     stiffness = tension_n * n / length_m
-    touched, last = _run(result.right, result.left, points, eta, outputs, steps, every, stiffness, off, *result[:4])
+    touched, last = _run(result.right, result.left, points, eta, outputs, steps, every, stiffness, off, result[:4])
     return result._replace(contact_steps=touched, last_contact_step=last)
 
 
 @njit(cache=True, nogil=True)
-def _run(right, left, points, eta, outputs, steps, every, stiffness, off, u, contact_u, contact_force, energy):
-    """stiffness T/Δx; right and left hold what leaves a node, off (N + 1,) what its point has pushed so far."""
+def _run(right, left, points, eta, outputs, steps, every, stiffness, off, made):
+    """stiffness T/Δx; right and left hold what leaves a node, off (N + 1,) what its point has pushed so far; made: u,
+    contact_u, contact_force, energy of `Waves`."""
+    u, contact_u, contact_force, energy = made
     n = right.size - 1
     touched, last = 0, -1
     for step in range(steps + 1):

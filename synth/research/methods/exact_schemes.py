@@ -29,6 +29,7 @@ from synth.solver import driver
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.lcp import SOLVED
 from synth.solver.problem import Outcome, kept_array
+from synth.solver.stringmodel import StringContacts, StringModes
 
 #: schemes that are a formula for every time
 CLOSED = ("cabannes", "flat-wall")
@@ -242,7 +243,12 @@ def run_event_driven(scene: Scene) -> Outcome:
     q, v = scene.initial()
     residual, kept, lifted = scene.residual, scene.kept, 0.0
     model = driver.make_model(
-        EXACT_HOLD, scene.omega, scene.sigma, mu, scene.dt, scene.shapes, scene.eta, residual, scene.out_shapes, 0.0
+        EXACT_HOLD,
+        StringModes(mu, scene.omega, scene.sigma),
+        scene.dt,
+        StringContacts(scene.shapes, scene.eta, residual),
+        scene.out_shapes,
+        0.0,
     )
     if kept is None:
         q0 = q
