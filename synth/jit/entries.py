@@ -87,9 +87,9 @@ class Kernel:
         return getattr(self.dispatcher, name)
 
     def __call__(self, *arguments: Any) -> Any:
-        native = self._native
         if INTERPRETED:
             return self.dispatcher(*map(interpreted.with_attributes, arguments))
+        native = self._native
         if native is None or len(arguments) != len(self.arguments):
             return self.dispatcher(*arguments)
         given: list[Any] = []

@@ -103,7 +103,8 @@ def _compiled(level: str) -> str:
     """The text from a process that compiles for a level."""
     environment = {**os.environ, **_settings(level)}
     # the kernels of this very processor are those that Python uses, and kept; others' are kept apart
-    for name in ("NUMBA_CACHE_DIR", "JAWARI_BITS", *(["JAWARI_LANES"] if level == processors.level() else [])):
+    apart = ["JAWARI_LANES"] if level == processors.level() else []
+    for name in ("NUMBA_CACHE_DIR", "JAWARI_BITS", "JAWARI_DEBUG", "NUMBA_DISABLE_JIT", *apart):
         environment.pop(name, None)
     root = str(Path(__file__).resolve().parents[2])
     environment["PYTHONPATH"] = os.pathsep.join(filter(None, (root, environment.get("PYTHONPATH"))))
