@@ -75,8 +75,41 @@ class Unplayed(NamedTuple):
 
 @dataclass(frozen=True)
 class EngineReport:
-    """What has happened since `reset`. `silenced`: how often a string whose motion had blown up, or a part whose filters
-    held no sound any more, was silenced (`advance.TOO_FAR`, `layout.BLOWN_UP`)."""
+    """What an engine counted since `reset`, given by `Engine.report`.
+
+    Attributes
+    ----------
+    peak : float
+        Largest sample, linear, full scale 1.
+    limiter_reduction_db : float
+        The limiter's largest reduction [dB]; 0 without one.
+    strings_sounding, most_strings : int
+        Strings that sound now, and the most that did at once.
+    notes : int
+        Notes that began.
+    unplayed : tuple of Unplayed
+        Notes that found no string: part (−1 for a channel without one), note, times, reason.
+    stolen, taken_over : int
+        Strings that yielded to others; notes that took over a string whose key was held.
+    events_dropped : int
+        Events that found the queue full.
+    mode_steps : int
+        Modes × internal steps.
+    unsolved_contacts : int
+        Steps whose contact forces were not solved exactly.
+    silenced : int
+        How often a string whose motion had blown up, or a part whose filters held no sound any more, was silenced
+        (`advance.TOO_FAR`, `layout.BLOWN_UP`).
+
+    Examples
+    --------
+    >>> import synth
+    >>> engine = synth.Engine(["tanpura"], quality="draft")
+    >>> engine.prepare(44100.0, 256)
+    >>> engine.report().notes, engine.report().unplayed
+    (0, ())
+    >>> engine.close()
+    """
 
     peak: float
     limiter_reduction_db: float
@@ -93,26 +126,58 @@ class EngineReport:
 
 
 class Engine:
-    """Presets as parts of one instrument; see the module's docstring.
-
-    parts        one preset per part: itself, its name or its file
-    program_map  (16, 128) part of each channel and program, −1 for none; default: part p on channel p, or the only part
-                 on every channel
-    settings     how it computes and how loud it is, whatever the parts (`EngineSettings`)
-    options      fields of EngineSettings by name, in the place of those in `settings`
-    note_hz      (128,) frequencies that replace the presets' equal temperament
-    bindings     controller → live parameter that it sets, of the parts its channel plays: an id, or rows (part or None for
-                 all, id, value at 0, value at 127), None for the parameter's own range
-    only_notes   of each part: the notes it will be asked for; None: all. Strings without any are left out, and unless
-                 every_fret what else can be played on the others. No effect on the sound of those notes
-    mix_effects  effects of the mix, in this order before the limiter: tables as in presets
-    policy       who plays a note and who yields, as the native core calls it (`voices.policy`)
-    warn         told by `prepare` what may go wrong (a scheme that can gain energy at its rate, `schemes.energy_warning`);
-                 None: Python's warnings are, as RuntimeWarning
-    max_polyphony  the name of the setting `polyphony` up to version 0.19
-    Raises ValueError (PresetError among them) for what cannot be played, TypeError for what is of another kind.
+    """Presets as parts of one instrument, played block by block as in an audio callback.
 
     Copied (`copy`) or unpickled it is an engine of its own, made and prepared anew with all that sounds, but for `warn`.
+
+    Parameters
+    ----------
+    parts : sequence of Preset, str or path
+        One preset per part: itself, its name or its file.
+    program_map : (16, 128) array of int, optional
+        Part of each channel and program, −1 for none; default: part p on channel p, or the only part on every channel.
+    settings : EngineSettings, optional
+        How it computes and how loud it is, whatever the parts.
+    note_hz : (128,) array, optional
+        Frequencies that replace the presets' equal temperament [Hz].
+    only_notes : sequence of set or None, optional
+        Of each part: the notes it will be asked for; None: all. Strings without any are left out. No effect on the sound of
+        those notes.
+    every_fret : bool
+        With `only_notes`: whether what else can be played on their strings is kept.
+    bindings : dict, optional
+        Controller → live parameter that it sets, of the parts its channel plays: an id, or rows (part or None for all, id,
+        value at 0, value at 127), None for the parameter's own range.
+    mix_effects : sequence of tables
+        Effects of the mix, in this order before the limiter: tables as in presets.
+    policy : callable
+        Who plays a note and who yields, as the native core calls it (`voices.policy`).
+    warn : callable, optional
+        Told by `prepare` what may go wrong (a scheme that can gain energy at its rate, `schemes.energy_warning`); None:
+        Python's warnings are, as RuntimeWarning.
+    max_polyphony : int, optional
+        The name of the setting `polyphony` up to version 0.19.
+    **options
+        Fields of `EngineSettings` by name, in the place of those in `settings`.
+
+    Raises
+    ------
+    ValueError
+        For what cannot be played; PresetError is one.
+    TypeError
+        For arguments of another kind.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import synth
+    >>> engine = synth.Engine(["tanpura"], quality="draft")
+    >>> engine.prepare(44100.0, 256)
+    >>> out = np.zeros((256, 2))
+    >>> engine.process(synth.make_events([(10, synth.NOTE_ON, 0, 48, 100)]), out)
+    >>> engine
+    <Engine tanpura: draft, exact-hold, 44100 Hz, blocks of 256, 8 strings>
+    >>> engine.close()
     """
 
     def __init__(

@@ -107,22 +107,47 @@ def _check_threads(name: str, value: Any) -> int | str:
 
 @dataclass(frozen=True, kw_only=True)
 class EngineSettings:
-    """How an engine computes, how loud it is and how it begins. Raises TypeError or ValueError for what cannot be.
+    """How an engine computes, how loud it is and how it begins.
 
-    quality           what is promised of the strings' rates and modes (`instrument.plan`)
-    scheme            contact law (`solver.schemes.LAWS`, or registered)
-    restitution       0 … 1, of the Moreau–Jean laws
-    internal_rate_hz  rate of the strings, a multiple of the output rate; None: as planned for the quality [Hz]
-    precision         "float64", or "float32" where strings can have their modes so (not over boards, and on a shared body
-                      only while they touch nothing); None: as planned (`plan.planned_precision`)
-    economy           free flight at the output rate, and modes that nobody hears at rest; None: at draft and standard
-    limiter           whether the mix stays below full scale
-    gain_db           −200 … 200, of all parts [dB]
-    polyphony         most strings that sound at a time; None: the sum of the presets'
-    threads           how many compute, the caller of `process` included; "auto": one per processor. No effect on the sound
-    mpe               begin with an MPE zone of 15 members, as if the MPE configuration message had come on channel 1
-    seed              0 … 2³¹ − 1, of what varies from stroke to stroke (`[hand]` of a preset): the same seed, the same
-                      performance
+    Parameters
+    ----------
+    quality : str
+        What is promised of the strings' rates and modes (`instrument.plan`): "draft", "standard", "fine" or "reference".
+    scheme : str
+        Contact law (`solver.schemes.LAWS`, or registered).
+    restitution : float
+        0 … 1, of the Moreau–Jean laws.
+    internal_rate_hz : float, optional
+        Rate of the strings, a multiple of the output rate; None: as planned for the quality [Hz].
+    precision : str, optional
+        "float64", or "float32" where strings can have their modes so (not over boards, and on a shared body only while they
+        touch nothing); None: as planned (`plan.planned_precision`).
+    economy : bool, optional
+        Free flight at the output rate, and modes that nobody hears at rest; None: at draft and standard.
+    limiter : bool
+        Whether the mix stays below full scale.
+    gain_db : float
+        −200 … 200, of all parts [dB].
+    polyphony : int, optional
+        Most strings that sound at a time; None: the sum of the presets'.
+    threads : int or str
+        How many compute, the caller of `process` included; "auto": one per processor. No effect on the sound.
+    mpe : bool
+        Begin with an MPE zone of 15 members, as if the MPE configuration message had come on channel 1.
+    seed : int
+        0 … 2³¹ − 1, of what varies from stroke to stroke (`[hand]` of a preset): the same seed, the same performance.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For a value that cannot be; the message names setting, condition and value.
+
+    Examples
+    --------
+    >>> import synth
+    >>> settings = synth.EngineSettings(quality="draft", gain_db=-6.0)
+    >>> settings.economises, synth.Engine(["tanpura"], settings=settings).settings.gain_db
+    (True, -6.0)
     """
 
     quality: str = _choice("standard", "accuracy; see `synth plan`", QUALITIES)

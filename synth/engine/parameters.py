@@ -21,7 +21,28 @@ Bindings = Mapping[int, str | Sequence[Binding]]
 
 @dataclass(frozen=True)
 class Parameter:
-    """A live parameter of a part: `index` is the `a` of a PARAMETER event, the part its `channel`."""
+    """A live parameter of a part, one of `Engine.parameters`: what a PARAMETER event sets.
+
+    Attributes
+    ----------
+    part : int
+        Its part, the event's `channel`.
+    index : int
+        The event's `a`.
+    id, name, unit : str
+        Such as "pluck.position", and words and unit for people.
+    minimum, maximum, default : float
+        Range, to which values of events are brought, and value to begin with, in the unit.
+    smoothing_s : float
+        Time in which it follows a change [s]; 0: from the next pluck on.
+
+    Examples
+    --------
+    >>> import synth
+    >>> engine = synth.Engine(["tanpura"])
+    >>> [parameter.id for parameter in engine.parameters][:2]
+    ['output.gain', 'pluck.position']
+    """
 
     part: int
     index: int

@@ -63,15 +63,42 @@ class Partial:
 
 @dataclass(frozen=True)
 class Fit:
-    """A plucked string as a recording tells it.
+    """A plucked string as a recording tells it, made by `fit_recording`.
 
-    f0_hz           fundamental of the string without stiffness, √(T/μ)/2L [Hz]; partial n is at n f0 √(1 + B n²)
-    inharmonicity   B
-    stretch, losses, pluck   the fits with their errors (`partials`, `losses`, `pluck`)
-    partials        1 … ten and more, see `Partial`
-    explained       share of the note's energy that the partials explain, up to 1
-    snr_db          of the partials against what lies between them
-    warnings        where the model does not fit, in words
+    Attributes
+    ----------
+    f0_hz : float
+        Fundamental of the string without stiffness, √(T/μ)/2L [Hz]; partial n is at n f0 √(1 + B n²).
+    inharmonicity : float
+        B.
+    stretch, losses : Stretch, Losses
+        The fits of frequencies and of decay rates with their errors (`synth.fit.partials`, `synth.fit.losses`).
+    pluck : FittedPluck or None
+        Where the string was plucked, as far as levels tell (`synth.fit.pluck`).
+    partials : tuple of Partial
+        1 … ten and more.
+    onset_s, duration_s : float
+        Where in the recording the note begins, and how much of it was looked at [s].
+    rate_hz : float
+        Of the recording [Hz].
+    peak_dbfs, noise_floor_dbfs : float
+        Largest sample and noise of the recording [dB].
+    snr_db : float
+        Of the partials against what lies between them [dB].
+    explained : float
+        Share of the note's energy that the partials explain, up to 1.
+    warnings : tuple of str
+        Where the model does not fit, in words.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import synth
+    >>> t = np.arange(44100) / 22050
+    >>> note = sum(np.exp(-(1 + 0.1 * n) * t) * np.sin(2 * np.pi * 110 * n * t) / n for n in range(1, 21))
+    >>> fit = synth.fit_recording(0.1 * note, 22050.0)
+    >>> fit.explained > 0.99, len(fit.partials) >= 10
+    (True, True)
     """
 
     f0_hz: float
@@ -98,11 +125,42 @@ class Fit:
 def fit_recording(
     samples: ArrayLike, rate_hz: float, *, expected_hz: float | None = None, progress: Progress = lambda _: True
 ) -> Fit:
-    """The plucked string in a recording, (n,) or (n, channels), full scale 1.
+    """Finds the plucked string in a recording: pitch, inharmonicity, losses, place of plucking.
 
-    expected_hz: its pitch within half an octave, where it is known.  progress: told after every stage and partial how much
-    is done (0 … 1); where it returns False, FitCancelled is raised.  Raises FitRefused (a ValueError) with the reason:
-    silence, too short, clipped, noise, two notes, no pitch, a pitch that moves, a sound that does not decay.
+    `synth.fit` makes settings of a preset from it (`settings`, `apply_settings`) and plain data for people (`report`).
+
+    Parameters
+    ----------
+    samples : (n,) or (n, channels) array
+        The recording, full scale 1: a single pluck, ringing for two seconds or more.
+    rate_hz : float
+        Samples a second [Hz].
+    expected_hz : float, optional
+        Its pitch within half an octave, where it is known [Hz].
+    progress : callable
+        Told after every stage and partial how much is done (0 … 1); where it returns False, FitCancelled is raised.
+
+    Returns
+    -------
+    Fit
+        The string and how far the recording bears it out.
+
+    Raises
+    ------
+    FitRefused
+        With the reason (a ValueError): silence, too short, clipped, noise, two notes, no pitch, a pitch that moves, a sound
+        that does not decay.
+    synth.fit.FitCancelled
+        Where `progress` returned False.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import synth
+    >>> t = np.arange(44100) / 22050
+    >>> note = sum(np.exp(-(1 + 0.1 * n) * t) * np.sin(2 * np.pi * 110 * n * t) / n for n in range(1, 21))
+    >>> round(synth.fit_recording(0.1 * note, 22050.0).f0_hz, 2)
+    110.0
     """
     if expected_hz is not None and not (math.isfinite(expected_hz) and expected_hz > 0.0):
         raise FitRefused(f"expected_hz must be > 0 Hz, got {expected_hz}")

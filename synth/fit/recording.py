@@ -43,7 +43,18 @@ class FitCancelled(Exception):
 
 
 class FitRefused(ValueError):
-    """A recording that cannot be fitted; the message says why and what would help."""
+    """A recording that cannot be fitted; the message says why and what would help. A ValueError.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import synth
+    >>> try:
+    ...     synth.fit_recording(np.zeros(44100), 44100.0)
+    ... except synth.FitRefused as error:
+    ...     print(error)
+    the recording is silent, its peak is at ... dBFS; record it louder
+    """
 
 
 @dataclass(frozen=True)

@@ -46,13 +46,31 @@ _PREPARING = threading.Lock()
 class Note:
     """One note of `render_notes`, or of a phrase that `render` is given.
 
-    note, velocity   MIDI, 0 … 127 and 1 … 127
-    seconds          how much of it is rendered, from its note-on; in a phrase: until the next note begins
-    off_s            when its key is let go, after its note-on [s]; None: it is held, in a phrase for `seconds`
-    preset           by name, by file or itself; None: that of all
-    articulation     one of the preset's by name; "": as keys, controllers and velocities would have it
-    controllers      (number, value), 0 … 127 each, that come before it
-    start_s          in a phrase: when it begins [s]; None: where the note before ends. Of no account where it sounds alone
+    Parameters
+    ----------
+    note : int
+        MIDI note, 0 … 127.
+    velocity : int
+        1 … 127.
+    seconds : float
+        How much of it is rendered, from its note-on; in a phrase: until the next note begins [s].
+    off_s : float, optional
+        When its key is let go, after its note-on [s]; None: it is held, in a phrase for `seconds`.
+    preset : str, path or Preset, optional
+        By name, by file or itself; None: that of all.
+    articulation : str
+        One of the preset's by name; "": as keys, controllers and velocities would have it.
+    controllers : tuple of (number, value)
+        0 … 127 each, that come before it.
+    start_s : float, optional
+        In a phrase: when it begins [s]; None: where the note before ends. Of no account where it sounds alone.
+
+    Examples
+    --------
+    >>> import synth
+    >>> phrase = [synth.Note(28, 100, 0.1), synth.Note(28, 100, 0.1, articulation="ghost")]
+    >>> synth.render(phrase, "slap-bass", quality="draft", tail=0.0).duration_s
+    0.2
     """
 
     note: int
@@ -67,8 +85,30 @@ class Note:
 
 @dataclass(frozen=True, eq=False)
 class RenderedNote:
-    """The answer to a note: its place among those asked for, and (frames, 2) `samples`, full scale ±1; or None, and the
-    `error` says in one line why. Two are equal where all of that is, every sample too."""
+    """The answer of `render_notes` to a note: its samples, or in one line why there are none.
+
+    Two are equal where all of it is, every sample too.
+
+    Attributes
+    ----------
+    number : int
+        Place among the notes asked for, from 0.
+    note : Note
+        As it was asked for.
+    samples : (frames, 2) array or None
+        Left and right, full scale ±1, of the dtype asked for; None where there is an error.
+    rate_hz : int
+        Frames a second [Hz].
+    error : str
+        Why it has no samples; "" where it has.
+
+    Examples
+    --------
+    >>> import synth
+    >>> [low] = synth.render_notes("tanpura", [(20, 90, 0.1)], quality="draft", threads=1)
+    >>> low.samples is None, low.error
+    (True, 'G#0 is not played: outside C2-C3')
+    """
 
     number: int
     note: Note
@@ -107,15 +147,44 @@ def render_notes(
     """Renders notes, each alone and from silence, and gives them in order: to the bit what `synth.render` gives of a song of
     that one note, however many threads there are and whatever else is asked for.
 
-    preset      by name, by file or itself, for notes that name none
-    notes       `Note`, or (note, velocity) or (note, velocity, seconds). A preset is compiled for those of its notes that
-                occur, once; notes of one preset should follow each other, for its engines are kept until its last note
-    limiter, quality, seed, variation   as `RenderSettings` has them
-    dtype       "float32" or "float64" of the samples
-    threads     how many notes are computed at a time, or "auto": one per processor
-    ahead_mib   sound that may wait for its turn to be taken [MiB]
-    A note that cannot be rendered has an `error`, and the others are not touched by it. Left early (`break`, `close`,
-    Ctrl-C) it ends its threads. Raises ValueError or TypeError, before anything is computed, for arguments that cannot be.
+    Parameters
+    ----------
+    preset : str, path, Preset or None
+        By name, by file or itself, for notes that name none.
+    notes : iterable of Note or tuple
+        `Note`, or (note, velocity) or (note, velocity, seconds). A preset is compiled for those of its notes that occur,
+        once; notes of one preset should follow each other, for its engines are kept until its last note.
+    rate_hz : int
+        Frames a second [Hz].
+    quality, limiter, seed : str, bool, int
+        As `EngineSettings` has them; the limiter is off unless asked for.
+    variation : float
+        0 … 2, multiplies what presets vary from stroke to stroke.
+    dtype : str
+        "float32" or "float64" of the samples.
+    threads : int or str
+        How many notes are computed at a time, or "auto": one per processor.
+    ahead_mib : float
+        Sound that may wait for its turn to be taken [MiB].
+
+    Returns
+    -------
+    iterator of RenderedNote
+        A note that cannot be rendered has an `error`, and the others are not touched by it. Left early (`break`, `close`,
+        Ctrl-C) it ends its threads.
+
+    Raises
+    ------
+    ValueError, TypeError
+        Before anything is computed, for arguments that cannot be.
+
+    Examples
+    --------
+    >>> import synth
+    >>> for each in synth.render_notes("tanpura", [(48, 90, 0.1), (48, 40, 0.1)], quality="draft", threads=1):
+    ...     print(each.number, each.samples.shape, each.samples.dtype)
+    0 (4410, 2) float32
+    1 (4410, 2) float32
     """
     if dtype not in ("float32", "float64"):
         raise ValueError(f"dtype must be 'float32' or 'float64', got {dtype!r}")

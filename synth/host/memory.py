@@ -66,20 +66,49 @@ def render(
 ) -> Sound:
     """The sound of a song or of a few notes: what `synth render` writes, as an array with what is to be said of it.
 
-    song        a MIDI file's name, a `mido.MidiFile`, mido's messages with times in seconds since the one before, an EVENT
-                array with frames of rate_hz, or a phrase: a `Note`, or a list of them or of (note, velocity[, seconds[,
-                start_s]]). Notes of a phrase follow each other unless they say when they begin; those with a preset or
-                an articulation of their own are parts of their own
-    preset      by name, by file or itself, for all channels but percussion, and for notes that name none; None: by General
-                MIDI program
-    rate_hz     of the sound
-    channels    of a song: channel 1 … 16 → its preset, "none" to leave it out
-    stems       whether each part is wanted alone, too
-    settings    the rest of `RenderSettings`: quality, tail, start_s, end_s, gain_db, normalize_dbfs, limiter, transpose
-                ({channel 0 … 15, or None for all: semitones}), fold, fallback, seed, threads, mpe …
-    warn, progress   called with each oddity, and with (seconds done, most seconds). Notes that no string plays are an
-                oddity, too; without `warn` they are told as a Python warning (UserWarning), and all else is in the report
-    Raises ValueError (MidiError, PresetError, ScalaError) and TypeError for what cannot be used.
+    Parameters
+    ----------
+    song : str, path, mido.MidiFile, array, Note or iterable
+        A MIDI file's name, a `mido.MidiFile`, mido's messages with times in seconds since the one before, an EVENT array
+        with frames of `rate_hz`, or a phrase: a `Note`, or a list of them or of (note, velocity[, seconds[, start_s]]).
+        Notes of a phrase follow each other unless they say when they begin; those with a preset or an articulation of their
+        own are parts of their own.
+    preset : str, path or Preset, optional
+        By name, by file or itself, for all channels but percussion, and for notes that name none; None: by General MIDI
+        program.
+    rate_hz : int
+        Of the sound [Hz].
+    channels : dict, optional
+        Of a song: channel 1 … 16 → its preset, "none" to leave it out.
+    stems : bool
+        Whether each part is wanted alone, too.
+    warn : callable, optional
+        Called with each oddity, a line of text. Notes that no string plays are one; without `warn` they are told as a Python
+        warning (UserWarning), and all else is in the report.
+    progress : callable, optional
+        Called with (seconds done, most seconds).
+    **settings
+        Fields of `EngineSettings` (quality, gain_db, limiter, polyphony, threads, mpe, seed, …) and the rest of
+        `synth.host.render.RenderSettings`: tail, start_s, end_s [s], normalize_dbfs, variation, tuning, keyboard, transpose
+        ({channel 0 … 15, or None for all: semitones}), fold, fallback, gm, only_strings, rest, bindings, settings.
+
+    Returns
+    -------
+    Sound
+        (frames, 2) samples, full scale ±1, with their rate, stems and report.
+
+    Raises
+    ------
+    ValueError
+        For what cannot be used; MidiError, PresetError and ScalaError are such.
+    TypeError
+        For arguments of another kind.
+
+    Examples
+    --------
+    >>> import synth
+    >>> synth.render([(48, 90, 0.2), (43, 80, 0.2)], "tanpura", quality="draft", tail=0.1)
+    <Sound: 0.50 s at 44100 Hz, peak ... dBFS, 2 notes>
     """
     from synth.instrument.preset import Preset
 

@@ -18,6 +18,7 @@ from synth.files.targets import Named, check_apart, is_special
 from synth.host import audiofile, compass, offline, parts, rest, scala
 from synth.host.bindings import check_parts
 from synth.host.compass import Arrangement, Wishes, channel_line
+from synth.host.preset_sources import sources_of_presets
 from synth.host.soundfont import SoundFont
 from synth.midi.events import NOTE_OFF, NOTE_ON
 from synth.midi.programs import PROGRAMS
@@ -96,14 +97,54 @@ class RenderSettings(EngineSettings):
 
 @dataclass
 class RenderReport:
-    """What was rendered: of the notes those between start and end. `stems`: files; `silent_stems`: parts that have none, as
-    they are silent; `stems_lowered_db`: by how much all stems are lowered, so that none clips; `strings`: most that sounded
-    at once; `channels`: see
-    `compass.channel_rows`; `unplayed`: dicts of part, note, count, reason; `left_out`: channel (1…16) → notes;
-    `stand_ins`: see `compass.stand_ins`; `rest`: soundfont, gain_db and channels (see `rest.rows`) of what a SoundFont
-    plays, None without one; `skipped`: dicts of channel, name and notes of programs that are no strings;
-    `headroom_db`: see `parts.headroom_db`; `limiter_reduction_db`: None where nothing was limited; `normalize_gain_db`: None
-    where nothing was normalized.
+    """What was rendered and how, in a sound's `report`; `as_dict` gives plain values for JSON. Notes between start and end
+    count.
+
+    Attributes
+    ----------
+    output, stems, silent_stems : str or None, list of str
+        Files written, None for an array; stems' files; parts without a file, as they are silent.
+    stems_lowered_db : float
+        By how much all stems are lowered so that none clips [dB].
+    rate_hz, seed : int
+        As asked for [Hz].
+    quality, scheme, precision : str
+        As asked for; "float32" where any string has its modes so.
+    length_s, prepare_s, render_s : float
+        Of the sound; spent before and while rendering [s].
+    peak_dbfs, realtime_factor : float or None
+        Largest sample [dB], None of silence; seconds of sound per second of rendering.
+    parts : list of str
+        Labels of the parts, which are the names of stems.
+    channels : list of dict
+        A row for each channel and preset, see `compass.channel_rows`.
+    notes, strings : int
+        Notes asked for, and the most strings that sounded at once.
+    headroom_db : float
+        By how much a song of several channels is lowered [dB].
+    limiter_reduction_db, normalize_gain_db : float or None
+        The limiter's largest reduction [dB], None where it did not work; the gain to the level asked for [dB], None without
+        one.
+    clipped_samples, stolen, taken_over, silenced : int
+        Samples beyond full scale; strings that yielded to others; notes that took over a string whose key was held; strings
+        or parts whose motion had blown up.
+    unplayed, left_out : list of dict, dict
+        Rows of part, note, count and reason; channel 1 … 16 → notes of channels left out.
+    stand_ins, skipped : list of dict
+        Presets that play what is no plucked string (preset, names, notes), programs left out as such (channel, name, notes).
+    rest : dict or None
+        Of what a SoundFont plays: soundfont, gain_db, channels.
+    warnings : list of str
+        Oddities, a line each.
+    sources : list of str
+        Keys of the articles that `Sound.citation` gives, of `research.citations.ARTICLES`.
+
+    Examples
+    --------
+    >>> import synth
+    >>> report = synth.render([(48, 90, 0.1)], "tanpura", quality="draft", tail=0.0).report
+    >>> report.notes, report.scheme, report.precision
+    (1, 'exact-hold', 'float32')
     """
 
     output: str | None
@@ -137,6 +178,7 @@ class RenderReport:
     skipped: list[dict[str, Any]]
     rest: dict[str, Any] | None
     warnings: list[str]
+    sources: list[str]
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON; what is not finite (the peak of silence in dB) is None."""
@@ -395,6 +437,7 @@ def _render(
         skipped=_skipped(song, casting, heard),
         rest=None if font is None else _rest_told(song, casting, heard, font, rest_gain_db),
         warnings=warnings,
+        sources=sources_of_presets(settings.scheme, [loaded[part.preset] for part in casting.parts]),
     )
 
 

@@ -19,6 +19,7 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from synth.files import notebook_html
 from synth.host import audiofile
+from synth.research.citations import bibtex
 from synth.units import gain_to_db
 
 if TYPE_CHECKING:
@@ -37,12 +38,29 @@ _COPY_FRAMES = 65536
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Sound(NDArrayOperatorsMixin):
-    """samples: (frames, 2) float64, full scale ±1, left and right.  rate_hz: frames a second.
-    stems: part → (frames, 2) before the limiter; empty unless asked for.
-    report: a `RenderReport`, what `synth render --json` says: peak, notes, strings, channels, warnings, times.
+    """A rendered sound, made by `render`: an array with its rate and its report.
 
     Wherever NumPy wants an array it is its samples: `np.abs(sound).max()`, `sound[:44100, 0]`, `0.5 * sound`, `len(sound)`.
-    What comes out of that are arrays. A sound is made by `synth.render`.
+    What comes out of that are arrays.
+
+    Attributes
+    ----------
+    samples : (frames, 2) array of float64
+        Left and right, full scale ±1.
+    rate_hz : int
+        Frames a second [Hz].
+    stems : dict
+        Part → (frames, 2) before the limiter; empty unless asked for.
+    report : RenderReport
+        What `synth render --json` says: peak, notes, strings, channels, warnings, times.
+
+    Examples
+    --------
+    >>> import synth
+    >>> sound = synth.render([(48, 90, 0.2)], "tanpura", quality="draft", tail=0.3)
+    >>> sound.shape, sound.dtype, sound.part(0.0, 0.1).duration_s
+    ((22050, 2), dtype('float64'), 0.1)
+    >>> sound.save("sa.flac")
     """
 
     samples: np.ndarray
@@ -112,6 +130,10 @@ class Sound(NDArrayOperatorsMixin):
 
     def _notes(self) -> str:
         return f"{self.report.notes} note{'' if self.report.notes == 1 else 's'}"
+
+    def citation(self) -> str:
+        """BibTeX of the program, at its present version, and of the papers whose methods its strings used."""
+        return bibtex(self.report.scheme, self.report.sources)
 
     # --- parts of it --------------------------------------------------------------------------------------------------
 

@@ -60,9 +60,24 @@ _FILE_KEYS = {
 
 
 class PresetError(ValueError):
-    """A preset that cannot be used; the message names the file and every wrong field.
+    """A preset that cannot be used; the message names the file and every wrong field. A ValueError.
 
-    problems: (path such as "pluck.position", what is wrong with it) of each; empty where no field is to blame.
+    Parameters
+    ----------
+    message : str
+        What is wrong, a line for each field.
+    problems : sequence of (str, str)
+        Path such as "pluck.position" and what is wrong with it, of each; empty where no field is to blame. An attribute,
+        too.
+
+    Examples
+    --------
+    >>> import synth
+    >>> try:
+    ...     synth.load_preset("tanpura").with_setting("pluck.position", "2")
+    ... except synth.PresetError as error:
+    ...     print(error.problems[0][0])
+    pluck.position
     """
 
     def __init__(self, message: str, problems: Sequence[tuple[str, str]] = ()) -> None:
@@ -586,7 +601,50 @@ Word = Annotated[str, BeforeValidator(_word)]
 
 
 class Preset(Table):
-    """A whole instrument."""
+    """A whole instrument as its file describes it, validated; made by `load_preset`.
+
+    The keys of every table with unit, range and default: docs/reference/preset-keys.md. Values do not change: `with_setting`
+    makes another preset.
+
+    Attributes
+    ----------
+    format : int
+        Of the file, 2.
+    name, title, description, family : str
+        Name by which it is found, and words on it.
+    tags, sources : tuple of str
+        Other words by which it is found; where its numbers come from.
+    remarks : str
+        The author's notes.
+    tuning : table
+        Concert pitch and what contact does to the pitch.
+    string : tuple of tables
+        Strings, each with the notes it is tuned to.
+    nut, setup, obstacle : tables or None
+        Resonances of the neck; what a luthier measures; what the strings touch.
+    pluck, hand, excitation, polarisation, damping : tables or None
+        How a note begins, varies, moves in two directions and ends.
+    articulations : dict
+        Other ways to begin a note, by name.
+    output, body, effect : tables
+        What is heard, through which resonances or modes of a shared body, and effects.
+    mapping : table
+        How MIDI is played on it.
+
+    Raises
+    ------
+    pydantic.ValidationError
+        For tables that are wrong; `load_preset` and `with_setting` raise `PresetError` in its place.
+
+    Examples
+    --------
+    >>> import synth
+    >>> preset = synth.load_preset("tanpura")
+    >>> preset, preset.coupled
+    (<Preset tanpura: 4 strings, C2–C3, obstacle bridge>, True)
+    >>> preset.with_setting("pluck.position", "0.3").pluck.position
+    0.3
+    """
 
     format: Literal[2]
     name: str = Field(pattern=f"^{NAME_PATTERN.pattern}$")
@@ -974,7 +1032,24 @@ def preset_folder() -> Path:
 
 
 def list_presets() -> list[Preset]:
-    """The presets that come with the program, by name."""
+    """The presets that come with the program, each read from its file.
+
+    Returns
+    -------
+    list of Preset
+        In the order of their files' names.
+
+    Raises
+    ------
+    PresetError
+        For a file of the program's that was changed and is wrong.
+
+    Examples
+    --------
+    >>> import synth
+    >>> [preset.name for preset in synth.list_presets() if preset.family == "zither"]
+    ['dulcimer', 'koto-hirajoshi', 'koto']
+    """
     return [load_preset(str(path)) for path in sorted(preset_folder().glob("*.toml"))]
 
 
@@ -1017,8 +1092,32 @@ def read_preset(name_or_path: str | os.PathLike[str]) -> str:
 
 
 def load_preset(name_or_path: str | os.PathLike[str]) -> Preset:
-    """A preset by name (of those that come with the program) or by file, with the plan beside it. Raises PresetError or
-    OSError."""
+    """Reads a preset, with the measured plan that lies beside its file.
+
+    Parameters
+    ----------
+    name_or_path : str or path
+        A name among those that come with the program, or a file, whose name ends in .toml; files of an older format are
+        brought to today's as they are read.
+
+    Returns
+    -------
+    Preset
+        Validated.
+
+    Raises
+    ------
+    PresetError
+        For a preset that is not there or has faults, all of which it names (a ValueError).
+    OSError
+        For a file that cannot be read.
+
+    Examples
+    --------
+    >>> import synth
+    >>> synth.load_preset("fretted-bass")
+    <Preset fretted-bass: 4 strings, E1–..., obstacle frets>
+    """
     return with_plan_beside(parse_preset(read_preset(name_or_path), str(name_or_path)), preset_path(name_or_path))
 
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-#: one event; `frame` counts from the start of the block, or of the song
+#: one event; `frame` counts from the start of the block, or of the song; `kind` says what the others are
 EVENT = np.dtype(
     [("frame", "i8"), ("kind", "i4"), ("channel", "i4"), ("a", "i4"), ("b", "i4"), ("value", "f8")],
     align=True,
 )
 
-NOTE_ON = 1  # a = note, b = velocity (0: note off)
-NOTE_OFF = 2  # a = note
+NOTE_ON = 1  # kind of an event: a = note, b = velocity (0: note off)
+NOTE_OFF = 2  # kind of an event: a = note
 CONTROL = 3  # a = controller, b = value
 BEND = 4  # a = -8192 … 8191
 PROGRAM = 5  # a = program
@@ -58,7 +58,26 @@ def copy_event(event, to) -> None:
 
 
 def make_events(rows) -> np.ndarray:
-    """EVENT array from rows (frame, kind, channel, a[, b[, value]])."""
+    """EVENT array of rows, for `Engine.process`.
+
+    Parameters
+    ----------
+    rows : sequence of tuple
+        (frame, kind, channel, a[, b[, value]]), in the order of their frames; kinds are NOTE_ON, NOTE_OFF and the others of
+        `synth.midi.events`, channels count from 0. What is left out is 0.
+
+    Returns
+    -------
+    (n,) array of EVENT
+        A row for each, as they are given.
+
+    Examples
+    --------
+    >>> import synth
+    >>> events = synth.make_events([(0, synth.NOTE_ON, 0, 48, 100), (441, synth.NOTE_OFF, 0, 48)])
+    >>> events["a"].tolist(), events["b"].tolist()
+    ([48, 48], [100, 0])
+    """
     out = np.zeros(len(rows), EVENT)
     for i, row in enumerate(rows):
         padded = (*row, 0, 0.0)[:6] if len(row) == 4 else (*row, 0.0)[:6]

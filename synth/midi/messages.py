@@ -23,10 +23,36 @@ def events_from_mido(
 ) -> np.ndarray:
     """EVENT array of mido's messages, for `Engine.process`; frames count from the first message's start.
 
-    messages: with `time` in seconds since the message before, as iterating over a `mido.MidiFile` gives them and ports do
-    not (theirs is 0: all are at frame 0 then); absolute: since the beginning. What is not played (meta messages, clocks)
-    counts for its time only; system exclusive tunings and this program's own are read.
-    Raises TypeError for what is no message, ValueError for times that are not finite, negative or descend.
+    Parameters
+    ----------
+    messages : iterable of mido.Message
+        With `time` in seconds since the message before, as iterating over a `mido.MidiFile` gives them and ports do not
+        (theirs is 0: all are at frame 0 then). What is not played (meta messages, clocks) counts for its time only; system
+        exclusive tunings and this program's own are read.
+    rate_hz : float
+        Frames a second [Hz].
+    absolute : bool
+        Whether `time` counts since the beginning.
+
+    Returns
+    -------
+    (n,) array of EVENT
+        Sorted by frame.
+
+    Raises
+    ------
+    TypeError
+        For what is no message.
+    ValueError
+        For times that are not finite, negative or descend, and a rate that is not above 0 Hz.
+
+    Examples
+    --------
+    >>> import mido
+    >>> import synth
+    >>> messages = [mido.Message("note_on", note=48), mido.Message("note_off", note=48, time=0.5)]
+    >>> synth.events_from_mido(messages, 44100.0)["frame"]
+    array([    0, 22050])
     """
     if not (rate_hz > 0.0 and np.isfinite(rate_hz)):
         raise ValueError(f"rate_hz must be > 0 Hz, got {rate_hz}")

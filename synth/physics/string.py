@@ -67,25 +67,50 @@ class NutResonance:
 
 @dataclass(frozen=True)
 class String:
-    """One string in SI units.
+    """One string in SI units; frequencies, decay rates and shapes of its modes: `synth.physics.modes`.
 
-    length_m, tension_n, linear_density_kg_m   L [m], T [N], μ [kg/m]
-    bending_stiffness_n_m2   EI [N m²]; 0 for an ideal string. Of a wound string, that of the core (IA2018 A4)
-    diameter_m               outer diameter d [m]; the air damps through it
-    core_diameter_m, winding_diameter_m   of a wound string, both or none: the core and the *wire* wound
-                             round it [m]; d_eq (A5) then takes the place of d in the air damping
-    viscoelastic_loss        δ_ve, loss angle of the core material
-    thermoelastic_q_inverse  Q_te⁻¹
-    air_viscosity, air_density   η_air [kg/(m s)], ρ_air [kg/m³]
-    stiffness_law            "sqrt": ν_j ∝ j√(1 + Bj²), the exact law of a pinned stiff string; "linear": the
-                             paper's j(1 + Bj²/2) (A1), which agrees with it only while Bj² ≪ 1
-    mass_scatter, seed       standard deviation of the relative mass of pieces of the string, and which string of those it
-                             is (`uneven_mass`); 0 for an even one
-    nut                      resonances whose mobilities add up to Y_nut; empty: a rigid end
-    measured_frequencies_hz  frequencies of modes 1 … m [Hz]; the model goes on behind them
-    measured_decay_rates     σ of modes 1 … m [1/s], amplitude e^(−σt); m need not be the same
+    Parameters
+    ----------
+    length_m, tension_n, linear_density_kg_m : float
+        L [m], T [N], μ [kg/m].
+    bending_stiffness_n_m2 : float
+        EI [N m²]; 0 for an ideal string. Of a wound string, that of the core (IA2018 A4).
+    diameter_m : float
+        Outer diameter d [m]; the air damps through it.
+    core_diameter_m, winding_diameter_m : float, optional
+        Of a wound string, both or none: the core and the *wire* wound round it [m]; d_eq (A5) then takes the place of d in
+        the air damping.
+    viscoelastic_loss, thermoelastic_q_inverse : float
+        δ_ve, loss angle of the core material, and Q_te⁻¹.
+    air_viscosity, air_density : float
+        η_air [kg/(m s)], ρ_air [kg/m³].
+    stiffness_law : str
+        "sqrt": ν_j ∝ j√(1 + Bj²), the exact law of a pinned stiff string; "linear": the paper's j(1 + Bj²/2) (A1), which
+        agrees with it only while Bj² ≪ 1.
+    mass_scatter, seed : float, int
+        Standard deviation of the relative mass of pieces of the string, and which string of those it is (`uneven_mass`); 0
+        for an even one.
+    nut : sequence of NutResonance
+        Resonances whose mobilities add up to Y_nut; empty: a rigid end.
+    measured_frequencies_hz, measured_decay_rates : sequence of float
+        Frequencies [Hz] and σ [1/s], amplitude e^(−σt), of modes 1 … m, which need not be equally many; the model goes on
+        behind them.
 
-    Raises ValueError naming field, condition, value and remedy; what is possible says LIMITS.
+    Raises
+    ------
+    ValueError
+        Naming field, condition, value and remedy; what is possible says `synth.physics.string.LIMITS`.
+
+    References
+    ----------
+    Issanchou, Acary, Pérignon, Touzé, Le Carrou, JASA 143(5), 2018 (IA2018), section II and appendix.
+
+    Examples
+    --------
+    >>> import synth
+    >>> string = synth.String.from_inharmonicity(0.65, 70.0, 1e-3, 2e-5, 4e-4)
+    >>> round(string.fundamental_hz, 2), round(string.wave_speed_m_s, 2)
+    (203.52, 264.58)
     """
 
     length_m: float

@@ -33,7 +33,17 @@ MOST_BYTES = 1 << 24
 
 
 class CaseError(ValueError):
-    """A case that cannot be run; the message has one line per fault and names file, table and key."""
+    """A case that cannot be run; the message has one line per fault and names file, table and key. A ValueError.
+
+    Examples
+    --------
+    >>> import synth
+    >>> try:
+    ...     synth.simulate("tanpora")
+    ... except synth.CaseError as error:
+    ...     print(error)
+    case 'tanpora' (perhaps tanpura?) is not one of ...
+    """
 
 
 def _whole(value: Any) -> Any:
@@ -334,7 +344,39 @@ class RunTable(RatesTable):
 
 
 class Case(Table):
-    """A case file's tables; see the module's description."""
+    """A case's tables, validated: one string on rigid ends, its obstacle, its start, the scheme and the run.
+
+    The keys of every table with unit, range and default: docs/reference/case-keys.md. Values do not change: a changed case
+    is made by `load_case` or `simulate` with other values.
+
+    Attributes
+    ----------
+    string : table
+        Length, tension, density, diameter, stiffness, losses, resonances of the nut.
+    obstacle : table
+        Points, frets or a wall, a soft layer on them, how they move; left out: none.
+    initial : table
+        Shape at t = 0; left out: at rest.
+    finger : list of tables
+        Fingers that take hold of the string, draw it and let go.
+    bend : list of tables
+        Changes of the string's tension.
+    scheme : table
+        How contacts are computed, see `simulate`.
+    run : table
+        Rates, modes, duration, outputs, ledger.
+
+    Raises
+    ------
+    pydantic.ValidationError
+        For tables that are wrong; `load_case` and `simulate` raise `CaseError` in its place.
+
+    Examples
+    --------
+    >>> import synth
+    >>> synth.load_case("tanpura").string.length_m
+    1.002
+    """
 
     string: StringTable
     obstacle: ObstacleTable = ObstacleTable()
@@ -402,7 +444,34 @@ OVERRIDES = {
 
 
 def load_case(case: str | os.PathLike[str], **overrides: Any) -> Case:
-    """The validated tables of a case file, or of one of the program's own cases by name."""
+    """Reads a case of one string and validates it, without running it.
+
+    Parameters
+    ----------
+    case : str or path
+        A TOML file, or the name of one of the program's own (`case_names`).
+    **overrides
+        Values that replace the case's by the names that `simulate` takes (modes, duration_s, scheme, … but no quality),
+        or by dotted keys; None replaces nothing.
+
+    Returns
+    -------
+    Case
+        Its tables.
+
+    Raises
+    ------
+    CaseError
+        For a case that is wrong, is not there or has strings on a body (a ValueError).
+    OSError
+        For a file that cannot be read.
+
+    Examples
+    --------
+    >>> import synth
+    >>> synth.load_case("tanpura", modes=100)
+    <Case: string of 1.002 m over 1 contact point, exact-hold, 3 s of 100 modes at 2.1168e+06 Hz>
+    """
     return read_case(case, overrides)[0]
 
 
@@ -414,7 +483,19 @@ def case_folder() -> Path:
 
 
 def case_names() -> list[str]:
-    """Names of the program's own cases, such as "tanpura" or "hard/two-close", those of subfolders last."""
+    """Names of the cases that come with the program, those of subfolders last; `simulate` and `load_case` take them.
+
+    Returns
+    -------
+    list of str
+        Names such as "tanpura" or "hard/two-close".
+
+    Examples
+    --------
+    >>> import synth
+    >>> [name for name in synth.case_names() if name.startswith("tan")]
+    ['tanpura']
+    """
     folder = case_folder()
     names = [path.relative_to(folder).with_suffix("").as_posix() for path in folder.rglob("*.toml")]
     return sorted(names, key=lambda name: (name.count("/"), name))

@@ -1,6 +1,8 @@
-"""BibTeX of the sources of a run: this program, the paper that it begins with, and those of the scheme's method."""
+"""BibTeX of the sources of a run: this program, the paper that it begins with, and those of the methods that it used."""
 
 from __future__ import annotations
+
+from collections.abc import Iterable
 
 from synth._version import DATE, __version__
 
@@ -48,6 +50,16 @@ ARTICLES: dict[str, dict[str, str]] = {
         "year": "2023",
         "doi": "10.1016/j.jcp.2022.111697",
     },
+    "chadefaux2013": {
+        "author": 'Chadefaux, Delphine and Le Carrou, Jean-Lo{\\"\\i}c and Fabre, Beno{\\^i}t',
+        "title": "A model of harp plucking",
+        "journal": _JASA,
+        "volume": "133",
+        "number": "4",
+        "pages": "2444--2455",
+        "year": "2013",
+        "doi": "10.1121/1.4792249",
+    },
     "weinreich1977": {
         "author": "Weinreich, Gabriel",
         "title": "Coupled piano strings",
@@ -59,6 +71,8 @@ ARTICLES: dict[str, dict[str, str]] = {
         "doi": "10.1121/1.381677",
     },
 }
+#: the paper that the program begins with: its string and its contact problem
+FIRST = "issanchou2018"
 #: sources of the methods that are not this program's own, beside the paper that it begins with
 _OF_SCHEMES = {
     "compliant": ("issanchou2017",),
@@ -67,18 +81,23 @@ _OF_SCHEMES = {
 }
 
 
-def bibtex(scheme: str, on_a_body: bool = False) -> str:
-    """BibTeX entries of what a run with a scheme rests on; on_a_body: of strings that share one."""
-    keys = ["issanchou2018", *_OF_SCHEMES.get(scheme, ()), *(["weinreich1977"] if on_a_body else [])]
+def sources_of(scheme: str, on_a_body: bool = False, slips: bool = False) -> list[str]:
+    """Keys of ARTICLES that a scheme rests on; on_a_body: of strings that share one; slips: off the finger, in a while."""
+    beside = ["weinreich1977"] * on_a_body + ["chadefaux2013"] * slips
+    return [FIRST, *_OF_SCHEMES.get(scheme, ()), *beside]
+
+
+def bibtex(scheme: str | None, sources: Iterable[str] = (FIRST,)) -> str:
+    """BibTeX entries of the program, with the scheme in its title where there is one, and of ARTICLES by their keys."""
     year, month, _ = DATE.split("-")
     program = {
         "author": "{the jawari authors}",
-        "title": f"jawari: strings that collide, scheme {scheme}",
+        "title": "jawari: strings that collide" + (f", scheme {scheme}" if scheme else ""),
         "version": __version__,
         "year": year,
         "month": str(int(month)),
     }
-    return "\n\n".join([_entry("software", "jawari", program), *(_entry("article", key, ARTICLES[key]) for key in keys)])
+    return "\n\n".join([_entry("software", "jawari", program), *(_entry("article", key, ARTICLES[key]) for key in sources)])
 
 
 def _entry(kind: str, key: str, fields: dict[str, str]) -> str:

@@ -19,7 +19,7 @@ import numpy as np
 
 from synth.files.npz import read_npz
 from synth.files.targets import is_special, write_whole
-from synth.research.citations import bibtex
+from synth.research.citations import bibtex, sources_of
 from synth.research.result_pictures import Drawn
 
 if TYPE_CHECKING:
@@ -39,7 +39,17 @@ _SCALARS = {name for name, shape in _SHAPES.items() if not shape}
 
 
 class ResultError(ValueError):
-    """A file that holds no result, or one that cannot be read; the message names it."""
+    """A file that holds no result, or one that cannot be read; the message names it. A ValueError.
+
+    Examples
+    --------
+    >>> import synth
+    >>> try:
+    ...     synth.load_result("run.csv")
+    ... except synth.ResultError as error:
+    ...     print(error)
+    run.csv: a table has not all of a result; load the .npz
+    """
 
 
 class LazyField:
@@ -62,7 +72,51 @@ class LazyField:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Result(Drawn):
-    """What a run gave; fields as in `synth.research.simulation`'s description, `summary` and `metadata` as dicts."""
+    """The arrays that a run of one string gave, made by `simulate` and `load_result`.
+
+    n rows, of which row 0 is t = 0; P outputs, C contacts, N modes.
+
+    Attributes
+    ----------
+    t : (n,) array
+        Time [s].
+    u : (n, P) array
+        Displacement at the case's outputs_m, up is positive [m].
+    u_contact : (n, C) array
+        Displacement at the obstacle's points, with what residual compliance adds [m].
+    contact_force : (n, C) array
+        Mean force since the row before [N]; row 0: the static one, or that of the row gone on from.
+    energy_stored, energy_residual, energy_viscous, energy_contact, energy_injected : (n,) array or None
+        With the ledger [J]: of the modes, of the modes left out, lost so far to damping and at contacts, work done on the
+        string so far. stored + residual + viscous + contact = stored(0) + residual(0) + injected.
+    positions : (P,) array
+        The outputs_m, from the nut [m].
+    contact_positions, contact_heights : (C,) array
+        The obstacle at t = 0 [m].
+    obstacle_displacement : (n,) array or None
+        Of an obstacle that moves, how far it is above `contact_heights` [m].
+    largest_penetration_m : float
+        Over every step with the ledger, over the rows without [m]; negative: never touched.
+    largest_energy_rise : float
+        Of one step, over initial + injected energy; NaN without the ledger.
+    last_contact_s : float
+        End of the last step with a contact force [s]; NaN: none.
+    final_q, final_v : (N,) array or None
+        Modes at the last row [m·√m], [m·√m/s]; None of closed forms and waves.
+    state : dict or None
+        What `simulate(…, resume_from=…)` goes on from, the scheme's own arrays by name.
+    metadata : dict
+        Version, scheme, rates, modes, the case's tables and the summary; plain values, as JSON has them.
+
+    Examples
+    --------
+    >>> import synth
+    >>> run = synth.simulate("tanpura", quality="draft", duration_s=0.01, ledger=True)
+    >>> run
+    <Result: exact-hold, 0 to 0.01 s in 442 rows, 1 output, 1 contact, 179 modes at 88200 Hz, ledger>
+    >>> run.largest_penetration_m < 1e-12 and run.largest_energy_rise < 1e-12
+    True
+    """
 
     t: np.ndarray
     u: np.ndarray
@@ -92,7 +146,8 @@ class Result(Drawn):
 
     def citation(self) -> str:
         """BibTeX of the program, at its present version, and of the papers whose methods the run used."""
-        return bibtex(self.metadata["scheme"])
+        scheme, fingers = self.metadata["scheme"], self.metadata["case"].get("finger", ())
+        return bibtex(scheme, sources_of(scheme, slips=any(finger.get("slip_s") for finger in fingers)))
 
     def __repr__(self) -> str:
         about, (rows, outputs), contacts = self.metadata, self.u.shape, self.contact_positions.size
@@ -187,10 +242,36 @@ def check_name(path: str | os.PathLike[str]) -> None:
 
 
 def load_result(path: str | os.PathLike[str]) -> Result:
-    """What `simulate` returned, from the .npz that `Result.save` or `synth simulate` wrote: the same numbers to the bit.
+    """Reads what `simulate` returned from the .npz that `Result.save` or `synth simulate` wrote: the same numbers to the
+    bit.
 
-    Raises ResultError (a ValueError) for a file that is broken, foreign or of a newer version, OSError, and TypeError for
-    what is no path.
+    Parameters
+    ----------
+    path : str or path
+        An .npz of one string; those of strings on a body are read by `load_coupled_result`.
+
+    Returns
+    -------
+    Result
+        With all fields, `state` too: a run can go on from it.
+
+    Raises
+    ------
+    ResultError
+        For a file that is broken, foreign or of a newer version (a ValueError).
+    OSError
+        For a file that cannot be opened.
+    TypeError
+        For what is no path.
+
+    Examples
+    --------
+    >>> import synth
+    >>> run = synth.simulate("tanpura", quality="draft", duration_s=0.01)
+    >>> run.save("run.npz")
+    >>> again = synth.load_result("run.npz")
+    >>> bool((again.u == run.u).all())
+    True
     """
     if not isinstance(path, str | os.PathLike):
         raise TypeError(f"a result is loaded from the path of an .npz file, got {_shown(path)}")
@@ -208,7 +289,7 @@ def load_result(path: str | os.PathLike[str]) -> Result:
 def _result_of(found: dict[str, np.ndarray]) -> Result:
     """The result that arrays by name make; ResultError, which names no file."""
     if str(found.get("kind", "")) == "coupled":
-        raise ResultError("is of strings on a body; `synth.research.coupled.coupled_result.load_coupled_result` reads it")
+        raise ResultError("is of strings on a body; `synth.load_coupled_result` reads it")
     if "metadata" not in found or "t" not in found:
         raise ResultError(f"is not a result of simulate: has no metadata and t, but {_few(found)}")
     version = _whole(found.get("format", np.array(0)), "format")

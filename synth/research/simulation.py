@@ -209,40 +209,95 @@ def simulate(
     settings: Mapping[str, Any] | None = None,
     **overrides: Unpack[Overrides],
 ) -> Result | CoupledResult:
-    """Runs a case: a file (or the name of one of the program's own), tables as a dict, or a `Case`.
+    """Runs a case: strings, an obstacle, a start and a scheme, from t = 0 or from where another run ended.
 
-    resume_from : a Result, or the .npz of one: the run goes on from where that one ended, for the case's duration more; see
-        the module's description
-    warn : told, before the run, when the scheme may gain energy at this rate (`schemes.energy_warning`) or takes no account
-        of something that is given; after it, of steps that were not solved, of energy that a string gained by rounding
-        between finger and point (`schemes.clamping_warning`), of a step of Moreau–Jean that gained energy although the rate
-        is one of the safe ones (`schemes.rise_warning`, with the ledger), and of results that are not finite
-    settings : any keys of the case by their dotted names, {"string.tension_n": 60.0, "obstacle.heights_m": [0.0]}, as
-        `synth simulate --set` takes them; a number counts in a list of tables ("string.0.length_m"); None takes a key away
-    overrides : values that replace the case's, by shorter names; None replaces nothing.
-        quality : "draft", "standard", "fine" or "reference": internal rate and modes as `plan` gives them to a string
-            of the engine (exact-hold; here without the decimator's limit) or to an elastic wall; the output rate is the
-            case's, 44.1 kHz if it names none. Nothing is promised with another tail or with sub-steps
-        internal_rate_hz (rate, internal_rate) : steps of the model per second [Hz]
-        output_rate_hz (output_rate) : rows of the result per second, which divides it [Hz]
-        modes : how many modes of the string are computed
-        duration_s (duration) : how long the run is [s]
-        outputs_m : points whose displacement is wanted, from the nut [m]
-        ledger : whether every step is weighed: where the energy is and goes; about three times slower
-        scheme : how contacts are computed: "exact-hold" and the others of docs/simulate.md
-        tail : of exact-hold, what stands for the modes left out: "lumped", "static" or "none"
-        residual_compliance : False: tail "none"
-        substeps : of exact-hold, the contact force changes so many times in a step
-        restitution : of the Moreau–Jean schemes and of walls, 0 … 1: what a contact keeps of a blow's speed
-        start : of Moreau–Jean, the first step by the exact propagator ("exact") or as printed ("published")
-        stiffness, exponent : of compliant contacts, K [N/m^α] and α of f = K [η − u]₊^α at a point
-        loss : of compliant contacts, Hunt–Crossley's [s/m]
-        tolerance, iterations : of compliant, Newton's last step relative to the depths, and how many there are at most
-        grid : of compliant contacts, "contacts" alone, or "full": all inner nodes
-        drift_correction : of the scalar auxiliary variable, part of the drift taken back in a step, 0 … 1
+    Parameters
+    ----------
+    case : Case, dict, str or path
+        A TOML file, the name of one of the program's own (`case_names`), its tables as a dict, or a `Case`.
+    resume_from : Result, str or path, optional
+        A result, or the .npz of one: the run goes on from where that one ended, for the case's duration more. See
+        help(synth.research.simulation) for what must be the same.
+    warn : callable, optional
+        Called with a line of text: before the run when the scheme may gain energy at this rate (`schemes.energy_warning`) or
+        takes no account of something that is given; after it, of steps that were not solved, of energy that a string gained
+        by rounding between finger and point (`schemes.clamping_warning`), of a step of Moreau–Jean that gained energy
+        although the rate is one of the safe ones (`schemes.rise_warning`, with the ledger), and of results that are not
+        finite.
+    settings : dict, optional
+        Any keys of the case by their dotted names, {"string.tension_n": 60.0, "obstacle.heights_m": [0.0]}, as
+        `synth simulate --set` takes them; a number counts in a list of tables ("string.0.length_m"); None takes a key away.
+    quality : str, optional
+        "draft", "standard", "fine" or "reference": internal rate and modes as `plan` gives them to a string of the engine
+        (exact-hold; here without the decimator's limit) or to an elastic wall; the output rate is the case's, 44.1 kHz if it
+        names none. Nothing is promised with another tail or with sub-steps. This and what follows replaces the case's
+        values; None replaces nothing.
+    scheme : str, optional
+        How contacts are computed: "exact-hold" and the others of docs/simulate.md.
+    restitution : float, optional
+        Of the Moreau–Jean schemes and of walls, 0 … 1: what a contact keeps of a blow's speed.
+    residual_compliance : bool, optional
+        False: tail "none".
+    tail : str, optional
+        Of exact-hold, what stands for the modes left out: "lumped", "static" or "none".
+    substeps : int, optional
+        Of exact-hold, the contact force changes so many times in a step.
+    start : str, optional
+        Of Moreau–Jean, the first step by the exact propagator ("exact") or as printed ("published").
+    stiffness, exponent : float, optional
+        Of compliant contacts, K [N/m^α] and α of f = K [η − u]₊^α at a point.
+    loss : float, optional
+        Of compliant contacts, Hunt–Crossley's [s/m].
+    tolerance, iterations : float and int, optional
+        Of compliant, Newton's last step relative to the depths, and how many there are at most.
+    grid : str, optional
+        Of compliant contacts, "contacts" alone, or "full": all inner nodes.
+    drift_correction : float, optional
+        Of the scalar auxiliary variable, part of the drift taken back in a step, 0 … 1.
+    internal_rate_hz, internal_rate, rate : float, optional
+        Steps of the model per second [Hz]; three names of one value.
+    output_rate_hz, output_rate : float, optional
+        Rows of the result per second, which divides the internal rate [Hz].
+    modes : int, optional
+        How many modes of the string are computed.
+    duration_s, duration : float, optional
+        How long the run is [s].
+    outputs_m : sequence of float, optional
+        Points whose displacement is wanted, from the nut [m].
+    ledger : bool, optional
+        Whether every step is weighed: where the energy is and goes; about three times slower.
+
+    Returns
+    -------
+    Result or CoupledResult
+        Arrays over time; a CoupledResult for strings on a body.
+
+    Raises
+    ------
+    CaseError
+        For a case that is wrong (a ValueError).
+    ValueError
+        For a case that describes no possible string.
+    ResultError
+        For a file of `resume_from` that is no result (a ValueError).
+    TypeError
+        For arguments of another kind.
+
+    Notes
+    -----
     Every key of a case with its unit, range and default: docs/reference/case-keys.md, or help(synth.research.simulation).
-    Raises CaseError (a ValueError) for a case that is wrong, ValueError for one that describes no possible string,
-    ResultError (a ValueError) for a file of resume_from that is none, TypeError for arguments of another kind.
+
+    References
+    ----------
+    Issanchou, Acary, Pérignon, Touzé, Le Carrou, JASA 143(5), 2018: the string (A1–A5) and Moreau–Jean's contact. The other
+    schemes' sources stand in docs/simulate.md; `Result.citation` gives those of a run.
+
+    Examples
+    --------
+    >>> import synth
+    >>> run = synth.simulate("tanpura", quality="draft", duration_s=0.01)
+    >>> run.u.shape, bool(run.contact_force.any())
+    ((442, 1), True)
     """
     if warn is not None and not callable(warn):
         raise TypeError(f"warn is a function that is told a line, got {type(warn).__name__} {warn!r:.60}")

@@ -25,7 +25,17 @@ _TAGS = {"a list", "a range"}
 
 
 class StudyError(ValueError):
-    """A study that cannot be run; the message has one line per fault and names file and key."""
+    """A study that cannot be run; the message has one line per fault and names file and key. A ValueError.
+
+    Examples
+    --------
+    >>> import synth
+    >>> try:
+    ...     synth.sweep({"base": {"case": "tanpura"}, "measures": ["e"]}, "no.sweep", workers=0)
+    ... except synth.StudyError as error:
+    ...     print(error)
+    study: ...
+    """
 
 
 Values = Annotated[

@@ -71,20 +71,59 @@ def sweep(
 ) -> pandas.DataFrame:
     """Computes all rows of a study that its folder does not have yet, and returns its table.
 
-    study     a file (docs/sweep.md has its tables), one of the program by name, these tables as a dict, or a `Study`
-    folder    where it is kept; made where there is none. Stopped, killed, or changed: the same call goes on
-    workers   processes of this machine, one thread each (default: one for each processor); 0: none, a loop in this process
-    scheduler address of a Dask scheduler whose workers take the place of these
-    security  Dask's `Security` for it, with certificates; left out: that of Dask's configuration
-    insecure  take a scheduler whose traffic is not encrypted and that is on another machine
-    retry_failed  rows that failed are computed again
-    prune     rows that the study no longer asks for, and those of another version of the program, leave the folder
-    told      called often with how far it is; say: with a line, where something is to be known
+    Parameters
+    ----------
+    study : str, path, dict or Study
+        A file (docs/sweep.md has its tables), one of the program by name, these tables as a dict, or a `Study`.
+    folder : str or path
+        Where it is kept; made where there is none. Stopped, killed, or changed: the same call goes on.
+    workers : int, optional
+        Processes of this machine, one thread each (default: one for each processor); 0: none, a loop in this process.
+    scheduler : str, optional
+        Address of a Dask scheduler whose workers take the place of these.
+    security : distributed.Security, optional
+        Dask's for it, with certificates; left out: that of Dask's configuration.
+    insecure : bool
+        Take a scheduler whose traffic is not encrypted and that is on another machine.
+    retry_failed : bool
+        Rows that failed are computed again.
+    prune : bool
+        Rows that the study no longer asks for, and those of another version of the program, leave the folder.
+    told : callable, optional
+        Called often with how far it is (`Counts`).
+    say : callable, optional
+        Called with a line, where something is to be known.
 
-    Returns a pandas DataFrame, a row for each that the study asks for, in its order: parameters, measures, `failure` where a
-    row failed, `reference`, `key`; and what differs from run to run, such as `cpu_s` (`times.parquet`).
-    Raises StudyError (a ValueError), ValueError where a worker has another program, OSError. A script that calls it with
-    workers needs `if __name__ == "__main__":`, as the processes import it.
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each that the study asks for, in its order: parameters, measures, `failure` where a row failed,
+        `reference`, `key`; and what differs from run to run, such as `cpu_s` (`times.parquet`).
+
+    Raises
+    ------
+    StudyError
+        For a study that cannot be run (a ValueError).
+    ValueError
+        Where a worker has another program, and for workers that are no number from 0 to 4096.
+    OSError
+        For a folder that cannot be written.
+
+    Notes
+    -----
+    A script that calls it with workers needs `if __name__ == "__main__":`, as the processes import it.
+
+    Examples
+    --------
+    >>> import synth
+    >>> study = {
+    ...     "base": {"case": "tanpura", "set": {"duration_s": 0.01, "quality": "draft"}},
+    ...     "grid": {"initial.displacement_m": [0.5e-3, 1e-3]},
+    ...     "measures": ["peak"],
+    ... }
+    >>> table = synth.sweep(study, "small.sweep", workers=0)
+    >>> len(table), bool(table["peak"][0] < table["peak"][1])
+    (2, True)
     """
     from synth.native.processors import cores
 
@@ -181,9 +220,32 @@ def _said(opened: OpenedStudy, counts: Counts, state: str) -> dict[str, Any]:
 
 
 def read_table(folder: str | os.PathLike[str], times: bool = True) -> pandas.DataFrame:
-    """The finished table of a study's folder as a pandas DataFrame; with `times`, what differs from run to run beside it.
+    """Reads the finished table of a study's folder.
 
-    Raises OSError where there is none yet: `read_rows` reads what has arrived.
+    Parameters
+    ----------
+    folder : str or path
+        Of a study that `sweep` or `synth sweep` finished.
+    times : bool
+        Whether what differs from run to run (`times.parquet`) stands beside it.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each that the study asks for, in its order.
+
+    Raises
+    ------
+    OSError
+        Where there is none yet: `read_rows` reads what has arrived.
+
+    Examples
+    --------
+    >>> import synth
+    >>> study = {"base": {"case": "tanpura", "set": {"duration_s": 0.01, "quality": "draft"}}, "measures": ["steps"]}
+    >>> _ = synth.sweep(study, "one.sweep", workers=0)
+    >>> synth.read_table("one.sweep")["steps"].tolist()
+    [882]
     """
     import pandas
     import pyarrow.parquet as pq
@@ -202,8 +264,31 @@ def read_table(folder: str | os.PathLike[str], times: bool = True) -> pandas.Dat
 
 
 def read_rows(folder: str | os.PathLike[str]) -> Iterator[dict[str, Any]]:
-    """Every row that a folder has in its parts, as it came, also while a study runs: dicts of parameters, values and
-    `time.…`, nested values as Python's. Raises OSError."""
+    """Reads every row that a folder has in its parts, as it came, also while a study runs.
+
+    Parameters
+    ----------
+    folder : str or path
+        Of a study.
+
+    Returns
+    -------
+    iterator of dict
+        Parameters, values and `time.…` of each, nested values as Python's.
+
+    Raises
+    ------
+    OSError
+        For a folder that cannot be read.
+
+    Examples
+    --------
+    >>> import synth
+    >>> study = {"base": {"case": "tanpura", "set": {"duration_s": 0.01, "quality": "draft"}}, "measures": ["steps"]}
+    >>> _ = synth.sweep(study, "rows.sweep", workers=0)
+    >>> [row["steps"] for row in synth.read_rows("rows.sweep")]
+    [882]
+    """
     from synth.study import columns
     from synth.study.keeping import Folder
 
@@ -225,7 +310,37 @@ def read_results(folder: str | os.PathLike[str]) -> list[dict[str, Any]]:
 
 
 def read_arrays(folder: str | os.PathLike[str], key: str) -> dict[str, Any]:
-    """NumPy arrays that were kept of the row of an address, by name. Raises OSError where there are none."""
+    """Reads the NumPy arrays that a study kept of one row.
+
+    Parameters
+    ----------
+    folder : str or path
+        Of a study whose `arrays` name fields of a `Result`, or of a function that returned arrays.
+    key : str
+        The row's address, its `key` in the table.
+
+    Returns
+    -------
+    dict
+        Name → array.
+
+    Raises
+    ------
+    OSError
+        Where there are none.
+
+    Examples
+    --------
+    >>> import synth
+    >>> study = {
+    ...     "base": {"case": "tanpura", "set": {"duration_s": 0.01, "quality": "draft"}},
+    ...     "measures": ["steps"],
+    ...     "arrays": ["u"],
+    ... }
+    >>> table = synth.sweep(study, "arrays.sweep", workers=0)
+    >>> synth.read_arrays("arrays.sweep", table["key"][0])["u"].shape
+    (442, 1)
+    """
     import zarr
 
     path = Path(folder) / "arrays.zarr" / key

@@ -14,7 +14,9 @@ import re
 import shlex
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +42,7 @@ sys.path.append(str(ROOT / "tools"))
 import reference_pages  # noqa: E402
 from reference_pages import case_keys, command_line, preset_keys, python_api  # noqa: E402
 from reference_pages.fields import number  # noqa: E402
-from reference_pages.markdown import plain  # noqa: E402
+from reference_pages.markdown import docstring, plain  # noqa: E402
 
 #: keys that only a body's filter has, which no case takes
 NO_KEYS_OF_CASES = re.compile(r"body\.body\.(resonance|direct_db).*")
@@ -241,6 +243,46 @@ def test_every_name_that_a_page_imports(pages: dict[str, str]) -> None:
     assert ("synth.solver.lcp", "pivot") in names
     for module, name in names:
         assert said.get(f"{module}.{name}") or (name in synth.__all__ and said.get(f"synth.{name}")), f"{module}.{name}"
+
+
+def test_nothing_is_listed_twice() -> None:
+    """Not by two paths, either: what `synth` has stands there alone."""
+    listed = [(each, getattr(import_module(module), each)) for _, module, names in python_api.public() for each in names]
+    things = Counter(id(thing) for _, thing in listed if inspect.isclass(thing) or inspect.isroutine(thing))
+    assert len(things) > 60
+    assert [name for name, thing in listed if things[id(thing)] > 1] == []
+
+
+def test_sections_of_a_docstring_are_lists_and_examples() -> None:
+    text = """Halves.
+
+    Parameters
+    ----------
+    a, b : float
+        What is halved,
+        and what is not.
+    **more
+        Ignored.
+
+    Returns
+    -------
+    (n,) array
+        Of halves [m].
+
+    Examples
+    --------
+    >>> 1 / 2
+    0.5
+    """
+    assert docstring(text).split("\n\n") == [
+        "Halves.",
+        "**Parameters**",
+        "- `a`, `b` (float): What is halved, and what is not.\n- `**more`: Ignored.",
+        "**Returns**",
+        "- *(n,) array*: Of halves \\[m\\].",
+        "**Examples**",
+        "```pycon\n>>> 1 / 2\n0.5\n```\n",
+    ]
 
 
 def test_what_is_missing_is_noticed(pages: dict[str, str]) -> None:

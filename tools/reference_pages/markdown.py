@@ -45,10 +45,40 @@ def fence(text: str, language: str = "text") -> str:
     return f"```{language}\n{text.rstrip()}\n```\n"
 
 
+#: sections of numpydoc that list things with what is to be said of each
+_LISTS = ("Parameters", "Attributes", "Returns", "Raises")
+
+
 def docstring(text: str) -> str:
-    """A docstring: paragraphs of prose as such, what is laid out in columns or is an example as it is written."""
+    """A docstring: prose, then the sections that numpydoc has, each under its title in bold."""
+    prose, *sections = re.split(r"^(\w+)\n-{3,}$", inspect.cleandoc(text), flags=re.MULTILINE)
+    out = [_prose(prose.strip())]
+    for title, body in zip(sections[::2], sections[1::2], strict=True):
+        out.append(f"**{title}**\n")
+        if title in _LISTS:
+            out.append(_listed(body, title))
+        else:
+            out.append(fence(body.strip("\n"), "pycon") if title == "Examples" else _prose(body.strip()))
+    return "\n".join(out)
+
+
+def _listed(body: str, title: str) -> str:
+    """A list of a section's entries: `name : kind`, or the kind alone of what is returned, and its words below, set in."""
+    items = []
+    for head, words in re.findall(r"^(\S.*)\n((?:[ ]+.*(?:\n|\Z)|\n(?= ))*)", body, re.MULTILINE):
+        names, _, kind = head.partition(" : ")
+        if title == "Returns":
+            shown = f"*{plain(head)}*"
+        else:
+            shown = ", ".join(code(name.strip()) for name in names.split(",")) + (f" ({plain(kind)})" if kind else "")
+        items.append(f"- {shown}: {plain(' '.join(words.split()))}\n")
+    return "".join(items)
+
+
+def _prose(text: str) -> str:
+    """Paragraphs of prose as such, what is laid out in columns or is an example as it is written."""
     out = []
-    for paragraph in re.split(r"\n\s*\n", inspect.cleandoc(text)):
+    for paragraph in re.split(r"\n\s*\n", text):
         lines = paragraph.splitlines()
         laid_out = any(
             re.match(r"\s", line) or re.search(r"\S {2,}\S", line) or re.match(r"\w+ +: ", line) for line in lines

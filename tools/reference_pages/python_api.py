@@ -21,17 +21,15 @@ from .markdown import anchor, code, docstring, fence
 
 EXTENDING = Path(__file__).resolve().parents[2] / "docs" / "extending"
 
-#: module → names that are public in it, None: all; beside those of `synth` itself
+#: module → names that are public in it, None: all; those that `synth` itself has stand there
 MODULES: dict[str, tuple[str, ...] | None] = {
     "synth.host.memory": ("RenderOptions",),
-    "synth.host.render": ("RenderSettings", "RenderReport"),
-    "synth.engine.engine": ("EngineReport", "Unplayed"),
-    "synth.engine.engine_settings": ("EngineSettings",),
-    "synth.engine.parameters": ("Parameter",),
+    "synth.host.render": ("RenderSettings",),
+    "synth.engine.engine": ("Unplayed",),
     "synth.midi.events": None,
     "synth.fit": None,
-    "synth.research.case": ("case_names", "case_path", "case_folder"),
-    "synth.study.sweeping": ("sweep", "read_table", "read_rows", "read_results", "read_arrays"),
+    "synth.research.case": ("case_path", "case_folder"),
+    "synth.study.sweeping": ("read_results",),
     "synth.physics.string": None,
     "synth.physics.tuning": None,
     "synth.physics.modes": None,
@@ -72,9 +70,10 @@ def extending() -> dict[str, list[str]]:
 def public() -> Iterator[tuple[str, str, list[str]]]:
     """(heading, module, its public names) of everything that is public."""
     yield "synth", "synth", [name for name in synth.__all__ if name != "__version__"]
-    for name, chosen in MODULES.items():
-        yield name, name, list(chosen) if chosen is not None else names_of(import_module(name))
     known = set(synth.__all__)
+    for name, chosen in MODULES.items():
+        names = names_of(import_module(name)) if chosen is None else chosen
+        yield name, name, [each for each in names if each not in known]
     for name, names in extending().items():
         beside = [each for each in names if not (each in known or (name in MODULES and MODULES[name] is None))]
         if beside:
@@ -160,9 +159,9 @@ def _signature(name: str, thing: Any) -> str:
         return name
     bare = [each.replace(annotation=_bare(each.annotation)) for each in found.parameters.values()]
     text = str(found.replace(parameters=bare, return_annotation=_bare(found.return_annotation)))
-    text = re.sub(r"<function [\w.]*<lambda> at 0x[0-9a-f]+>|<function ([\w.]+) at 0x[0-9a-f]+>", r"\1", text)
+    text = re.sub(r"<function ([\w.<>]+) at 0x[0-9a-f]+>", lambda found: "…" if "<" in found[1] else found[1], text)
     text = re.sub(r"CPUDispatcher\(([\w.]+)\)", r"\1", text).replace("<factory>", "…").replace("'", '"')
-    text = text.removesuffix(" -> None").replace("= ,", "= …,")
+    text = text.removesuffix(" -> None")
     if len(name + text) > 100 and ", " in text:
         inside, _, back = text[1:].rpartition(")")
         text = "(\n" + "".join(f"    {each},\n" for each in _arguments(inside)) + ")" + back
@@ -228,7 +227,8 @@ def _entry(module: ModuleType, name: str, path: str) -> Iterator[str]:
 _INTRODUCTION = """# Python
 
 The names of `synth` itself are what most programs need: `render` for songs, `Engine` for blocks of sound, `simulate`
-for research. The modules behind them follow, and last what [modules of your own](../extending/excitation.md) may use.
+and `sweep` for research, `fit_recording` for recordings, `cite` for papers. The modules behind them follow, with what they
+have beside these names, and last what [modules of your own](../extending/excitation.md) may use.
 The package is typed.
 """
 

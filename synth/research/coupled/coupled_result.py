@@ -32,7 +32,7 @@ import numpy as np
 
 from synth.files.npz import read_npz
 from synth.files.targets import write_whole
-from synth.research.citations import bibtex
+from synth.research.citations import bibtex, sources_of
 from synth.research.result import ResultError, check_name, counted, is_table, write_columns
 from synth.research.result_pictures import Drawn
 from synth.solver.coupled_study import ENERGIES
@@ -48,7 +48,49 @@ _UNITS = ("m", "m", "rad")
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class CoupledResult(Drawn):
-    """What a run gave; fields as in the module's description, `summary` and `metadata` as dicts."""
+    """The arrays that a run of strings on a body gave, made by `simulate` and `load_coupled_result`.
+
+    n rows, of which row 0 is t = 0; P outputs and C contacts, of all strings one after the other; D components of the
+    bridge's motion.
+
+    Attributes
+    ----------
+    t : (n,) array
+        Time [s].
+    u : (n, P) array
+        Displacement at each string's outputs_m, along its direction [m].
+    u_contact : (n, C) array
+        Displacement at the contacts, with what residual compliance adds [m]; of what rides the bridge: against it.
+    contact_force : (n, C) array
+        Mean force since the row before [N].
+    bridge, bridge_force : (n, D) array
+        Motion of the bridge, normal [m], lateral [m], rocking [rad], and the strings' mean force on it since the row before
+        [N, N, N m].
+    radiated : (n, 2) array
+        Weighted acceleration of the body's modes over the last step, left and right [m/s²].
+    energy : (n, 14) array or None
+        With the ledger, the columns of `solver.coupled_study.ENERGIES` [J].
+    output_string, positions : (P,) array
+        Number of each output's string, from 0, and its place [m].
+    contact_string, contact_positions, contact_heights : (C,) array
+        Number of each contact's string, from 0, its place and height at t = 0 [m].
+    largest_penetration_m, largest_energy_rise, last_contact_s : float
+        As of a `Result`, over every step.
+    final : (n,) array
+        State at the last row as `physics.coupled.CoupledStrings` lays it out, of open strings (else zeros).
+    metadata : dict
+        Version, scheme, rates, modes, the case's tables and the summary; plain values, as JSON has them.
+
+    References
+    ----------
+    Weinreich, Coupled piano strings, JASA 62(6), 1977.
+
+    Examples
+    --------
+    >>> import synth
+    >>> synth.simulate("guitar-pair", duration_s=0.001)
+    <CoupledResult: exact-hold, 0 to 0.001 s in 49 rows, 3 outputs, 4 contacts of 2 strings at 48000 Hz>
+    """
 
     t: np.ndarray
     u: np.ndarray
@@ -76,7 +118,9 @@ class CoupledResult(Drawn):
 
     def citation(self) -> str:
         """BibTeX of the program, at its present version, and of the papers whose methods the run used."""
-        return bibtex(self.metadata["scheme"], on_a_body=True)
+        scheme, strings = self.metadata["scheme"], self.metadata["case"]["string"]
+        slips = any(finger.get("slip_s") for string in strings for finger in string.get("finger", ()))
+        return bibtex(scheme, sources_of(scheme, on_a_body=True, slips=slips))
 
     def __repr__(self) -> str:
         about = self.metadata
@@ -138,7 +182,32 @@ class CoupledResult(Drawn):
 
 
 def load_coupled_result(path: str | os.PathLike[str]) -> CoupledResult:
-    """What `simulate` returned of strings on a body, from its .npz. Raises ResultError (a ValueError), OSError."""
+    """Reads what `simulate` returned of strings on a body from its .npz, the same numbers to the bit.
+
+    Parameters
+    ----------
+    path : str or path
+        An .npz that `CoupledResult.save` or `synth simulate` wrote; those of one string are read by `load_result`.
+
+    Returns
+    -------
+    CoupledResult
+        With all fields.
+
+    Raises
+    ------
+    ResultError
+        For a file that is broken, foreign or of a newer version (a ValueError).
+    OSError
+        For a file that cannot be opened.
+
+    Examples
+    --------
+    >>> import synth
+    >>> synth.simulate("guitar-pair", duration_s=0.001).save("pair.npz")
+    >>> synth.load_coupled_result("pair.npz").bridge.shape
+    (49, 3)
+    """
     try:
         found = read_npz(path)
     except ValueError as error:
