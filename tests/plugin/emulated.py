@@ -35,13 +35,14 @@ def started(target: Target, processor: str = "") -> list[str]:
 
 
 def compiled(source: str, target: Target, folder: Path) -> Path:
-    """A program of the tests for a target."""
+    """A program of the tests for a target; stripped, as libraries are: zig compiles its C library for either kind anew, for
+    Windows in a minute."""
     program = folder / f"{Path(source).stem}-{target.name}.exe"
     command = library.zig(target)
     if command is None:
         pytest.skip("there is no compiler for other systems (pip install ziglang)")
     more = ["-ldl"] if target.system == "linux" else []
-    flags = ["-std=c11", "-O1", "-Wall", "-Wextra", "-Werror", f"-I{SOURCES}"]
+    flags = ["-std=c11", "-O1", "-s", "-Wall", "-Wextra", "-Werror", f"-I{SOURCES}"]
     run([*command, *flags, "-o", str(program), str(HERE / source), *more])
     return program
 
