@@ -29,6 +29,7 @@ from synth.engine.layout import (
     WAIT,
 )
 from synth.engine.on_board import leave, may_slide, slide
+from synth.engine.projection import add_projections
 from synth.engine.slurs import PRESS_S, is_on_the_way, sets_out
 from synth.engine.strokes import begin_stroke, slips
 from synth.engine.touches import lay_on, lift_touch
@@ -36,7 +37,6 @@ from synth.native.views import call_back
 from synth.solver.coupling import RESTING, end_at
 from synth.solver.line_certificates import look_everywhere
 from synth.solver.stringmodel import MOVING, string_model
-from synth.solver.vectors import INNER
 from synth.units import LN_1000
 
 #: T60 of what a string still sounds while the plucking finger lies on it [s]
@@ -220,7 +220,7 @@ def _change_model(core: int, thread: int, s: int, target: int) -> None:
     q, v = string.q[:n_old], string.v[:n_old]
     scale = 2.0 / math.sqrt(l_old * l_new)
     a, ends, signs = scratch.moved[0, :n_new], scratch.moved[1, :n_new], scratch.moved[2, :n_new]
-    q_sum, v_sum = scratch.q[:n_new], scratch.v[:n_new]
+    factors, q_sum, v_sum = scratch.amplitude[:n_old], scratch.q[:n_new], scratch.v[:n_new]
     for i in range(n_new):
         a[i] = (i + 1) * math.pi / l_new
         signs[i] = 1.0 if i % 2 == 0 else -1.0
@@ -229,10 +229,10 @@ def _change_model(core: int, thread: int, s: int, target: int) -> None:
         at_fret = 0.0
         for j in range(n_old):
             sign = 1.0 if j % 2 == 0 else -1.0
-            amplitude = sign * math.sin((j + 1) * math.pi * l_new / l_old)
-            at_fret += math.sqrt(2.0 / l_old) * amplitude * q[j]
-            # where both sines are the same one, the sign (−1)^(i+1) of the closed form is in the new φ_i
-            _add_projection(a, a, amplitude, (j + 1) * math.pi / l_old, signs, sign * 0.5 * l_new, q[j], v[j], q_sum, v_sum)
+            factors[j] = sign * math.sin((j + 1) * math.pi * l_new / l_old)
+            at_fret += math.sqrt(2.0 / l_old) * factors[j] * q[j]
+        # where both sines are the same one, the sign (−1)^(i+1) of the closed form is in the new φ_i
+        add_projections(a, a, factors, signs, l_new, l_old, q, v, q_sum, v_sum)
         for i in range(n_new):
             # ∫₀^ℓ (ξ/ℓ) sin(aξ) dξ = (−1)^(i+1)/a, and φ_i carries the same sign
             q_sum[i] = scale * q_sum[i] - math.sqrt(2.0 / l_new) * at_fret / a[i]
@@ -247,9 +247,8 @@ def _change_model(core: int, thread: int, s: int, target: int) -> None:
         for i in range(n_new):
             ends[i] = signs[i] * math.sin(a[i] * l_old)
         for j in range(n_old):
-            b = (j + 1) * math.pi / l_old
-            sign = 1.0 if j % 2 == 0 else -1.0
-            _add_projection(a, ends, -b, b, signs, sign * 0.5 * l_old, q[j], v[j], q_sum, v_sum)
+            factors[j] = -(j + 1) * math.pi / l_old
+        add_projections(a, ends, factors, signs, l_new, l_old, q, v, q_sum, v_sum)
         for i in range(n_new):
             # triangle with its corner of height `lift` at ξ = l_old
             corner = 0.0
@@ -273,19 +272,6 @@ def _change_model(core: int, thread: int, s: int, target: int) -> None:
     string.counts[MOVING] = new.n
     me.phase = NO_FINGER
     me.stale = 1
-
-
-@njit(error_model="numpy", **INNER)
-def _add_projection(a, numerators, factor: float, b: float, signs, equal: float, q: float, v: float, q_sum, v_sum) -> None:
-    """One old mode's q and v times numerators·factor/(a² − b²) added to the sums of all new ones, (n,) each; where a is b
-    the integral is `equal` with the new mode's sign."""
-    for i in range(a.size):
-        gap = (a[i] - b) * (a[i] + b)
-        weight = numerators[i] * factor / gap
-        if not abs(gap) > 1e-9 * a[i] * a[i]:
-            weight = signs[i] * equal
-        q_sum[i] += weight * q
-        v_sum[i] += weight * v
 
 
 @njit(**CORE)
