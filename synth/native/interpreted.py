@@ -32,7 +32,11 @@ def intrinsic(plain: Callable[..., Any]) -> Any:
     """Decorate what writes a function in LLVM's language; interpreted, `plain` takes its place, which does the same."""
 
     def decorate(function: Callable[..., Any]) -> Any:
-        return plain if INTERPRETED else _intrinsic(function)
+        if INTERPRETED:
+            return plain
+        made: Any = _intrinsic(function)
+        made.__doc__ = function.__doc__
+        return made
 
     return decorate
 

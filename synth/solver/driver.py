@@ -158,11 +158,19 @@ class Model:
         return blocks.step == 0 and self.layers.shape[1] == 0 and blocks.lags.shape[0] == self.eta.size
 
     def but(self, **changed: Any) -> Model:
-        """The same with other contacts (fields of StringContacts) or `out_shapes`."""
-        out_shapes = changed.pop("out_shapes", self.out_shapes)
-        under = StringContacts(self.shapes, self.eta, self.residual, self.layers)._replace(**changed)
-        modes = StringModes(self.mu, self.omega, self.sigma)
-        return make_model(self.law, modes, self.dt, under, out_shapes, self.restitution, self.parts, self.string.step)
+        """The same with other contacts (fields of StringContacts) or another argument of `make_model`."""
+        contacts = {name: changed.pop(name) for name in StringContacts._fields if name in changed}
+        given: dict[str, Any] = {
+            "law": self.law,
+            "modes": StringModes(self.mu, self.omega, self.sigma),
+            "dt": self.dt,
+            "under": StringContacts(self.shapes, self.eta, self.residual, self.layers)._replace(**contacts),
+            "out_shapes": self.out_shapes,
+            "restitution": self.restitution,
+            "substeps": self.parts,
+            "step": self.string.step,
+        }
+        return make_model(**given | changed)
 
     @property
     def part_coef(self) -> np.ndarray:

@@ -127,7 +127,7 @@ def words_of(module: ModuleType, name: str, thing: Any) -> str:
             text = ""
     elif hasattr(thing, "py_func"):  # compiled
         text = inspect.getdoc(thing.py_func) or ""
-    elif getattr(thing, "__doc__", None) and type(thing).__module__.startswith("synth"):
+    elif getattr(thing, "__doc__", None) and str(getattr(thing, "__module__", "")).startswith("synth"):
         text = inspect.getdoc(thing) or ""
     if not text:
         text = _constant(module, name)
