@@ -1,4 +1,4 @@
-"""Sums of the projection of a string's modes on those of another speaking length: see `strings.change_model`.
+"""Sums of the projection of a string's modes on those of another speaking length: see `strings._change_model`.
 
 With a_i = iπ/ℓ the wave numbers of the new length ℓ, b_j = jπ/L those of the old one, the integral of two of the sines over
 the length they share is numerator_i · factor_j / (a_i² − b_j²), and where a_i is b_j it is ± half of that length. What a
@@ -28,13 +28,17 @@ def add_projections(a, numerators, factors, signs, new_length: float, old_length
     j = 0
     while j < q.size:
         if j + 4 <= q.size and not _meets_any(j, new_length / old_length):
-            b = ((j + 1) * math.pi / old_length, (j + 2) * math.pi / old_length)
-            c = ((j + 3) * math.pi / old_length, (j + 4) * math.pi / old_length)
+            b = (
+                (j + 1) * math.pi / old_length,
+                (j + 2) * math.pi / old_length,
+                (j + 3) * math.pi / old_length,
+                (j + 4) * math.pi / old_length,
+            )
             first, second, third, fourth = factors[j], factors[j + 1], factors[j + 2], factors[j + 3]
             _add_four(
                 a,
                 numerators,
-                (b[0], b[1], c[0], c[1]),
+                b,
                 (first * q[j], second * q[j + 1], third * q[j + 2], fourth * q[j + 3]),
                 (first * v[j], second * v[j + 1], third * v[j + 2], fourth * v[j + 3]),
                 q_sum,

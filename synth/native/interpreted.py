@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numba.extending import intrinsic as _intrinsic
 
+from synth.native.arrays import fields
 from synth.native.debugging import INTERPRETED
 
 #: what `register` has numbered
@@ -81,19 +82,18 @@ def with_attributes(value: Any) -> Any:
 
 
 class TableFields:
-    """The fields of one NamedTuple in a table: `views.opener`."""
+    """The fields of one NamedTuple in a table, which `views.Opened` describes."""
 
-    def __init__(self, members: dict[str, tuple[np.dtype, int, int]], address: int) -> None:
-        self._members = members
+    def __init__(self, opened: Any, address: int) -> None:
+        self._opened = opened
         self._address = int(address)
 
     def __getattr__(self, name: str) -> Any:
-        try:
-            dtype, dimensions, place = self._members[name]
-        except KeyError:
-            raise AttributeError(name) from None
-        at = self._address + 8 * place
-        if dimensions == 0:
+        if name not in (known := fields(self._opened.kind)):
+            raise AttributeError(name)
+        dtype, extents = known[name]
+        at = self._address + 8 * self._opened.place(name)
+        if not extents:
             return array_at(at, dtype, (1,))[0].item()
-        address, *shape = array_at(at, np.dtype(np.int64), (1 + dimensions,)).tolist()
+        address, *shape = array_at(at, np.dtype(np.int64), (1 + len(extents),)).tolist()
         return array_at(address, dtype, tuple(shape))

@@ -120,9 +120,8 @@ def _field(context: Any, builder: Any, opened: Opened, address: Any, name: str) 
 def opener(kind: Any, skip: int = 0) -> Any:
     """The function that opens the table of a NamedTuple, `skip` words from where the address points to."""
     opened = Opened(kind, skip)
-    members = {name: (dtype, len(shape), opened.place(name)) for name, (dtype, shape) in fields(kind).items()}
 
-    @intrinsic(plain=partial(interpreted.TableFields, members))
+    @intrinsic(plain=partial(interpreted.TableFields, opened))
     def open_table(typingctx, address):
         return opened(types.int64), lambda context, builder, signature, arguments: arguments[0]
 
