@@ -100,15 +100,17 @@ N_ANSWER = 4
     LINEAR,  # whether the answer is linear while the same ones press
     SETS,  # sets of contacts whose tables are there (`few_contacts`)
     OF_SETS,  # contacts that these are of
-    CULLING,  # how long at a time contacts may be passed over in this block: NEVER, SHORT or LONG
+    CULLING,  # how long at a time contacts may be passed over in this block: NEVER, SHORT (AGAIN) or LONG
     LASTS,  # steps for which End.left holds (`line_culling`), or USED_UP
     AHEAD,  # whether End.u has the finger's next steps already
 ) = range(7)
 N_KNOWN = 7
-#: contacts are not passed over; for one pass; for what is left of the block
-NEVER, SHORT, LONG = range(3)
+#: contacts are not passed over; for one pass, which is tried for the last time, or the first; for what is left of the block
+NEVER, AGAIN, SHORT, LONG = range(4)
 #: in the place of steps: nothing is left of a contact's gap
 USED_UP = -1
+#: in the place of what is left of a gap: it was used up in this call, and the contact is looked at until the call ends
+FOLLOWED = -1.0
 #: contacts, at most, of which every set has a table
 FEW = 4
 #: contacts from which on it pays to ask which are out of reach
@@ -156,7 +158,7 @@ class End(NamedTuple):
     known: Annotated[np.ndarray, i8("N_KNOWN")]
     left: Annotated[
         np.ndarray, f8("contacts")
-    ]  # of the gap of each contact that is not certified, > 0: it is passed over [m]
+    ]  # of the gap of each contact that is not certified, > 0: it is passed over [m], or FOLLOWED
     few: Annotated[np.ndarray, f8("SETS, FEW*FEW")]  # of each set of contacts, by columns
     sides: Annotated[np.ndarray, f8("4, FEW")]
     drew: Annotated[np.ndarray, f8("BLOCK")]  # pull after the forces of one step, at the ends of its and later frames

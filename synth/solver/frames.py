@@ -61,7 +61,7 @@ from synth.solver.held_forces import hold_forces
 from synth.solver.lanes import add_late, kick, kick_v, padded, padded_single, project_v
 from synth.solver.lcp import SOLVED
 from synth.solver.line_certificates import is_clear, lasts, look_everywhere, runs_out, spend
-from synth.solver.line_culling import cull, may_cull, spend_left
+from synth.solver.line_culling import cull, follow_none, may_cull, spend_left
 from synth.solver.line_forces import (
     answer_by_frames,
     answer_of_line,
@@ -101,6 +101,7 @@ def advance_frames(coupling: int, scratch: int, frames: int, out) -> int:
     c = coupling_at(coupling)
     for line in range(c.line_end.size):
         end_at(c.line_end[line]).known[LASTS] = 0
+        follow_none(c.line_end[line])
     if blocks > 0:
         _take_apart(coupling)
     for t in range(blocks):
@@ -143,10 +144,11 @@ def _certain_block(coupling: int, scratch: int, frames: int, at: int, until: int
         status = _block(coupling, scratch, frames, at, out)
         again = False
         for line in range(c.line_end.size):
-            known = end_at(c.line_end[line]).known
-            if known[CULLING] != NEVER and known[LASTS] == USED_UP:
-                known[CULLING] -= 1
+            e = end_at(c.line_end[line])
+            if _is_used_up(e):
+                e.known[CULLING] = NEVER if e.counts[BY_FRAMES] and e.known[CULLING] < LONG else e.known[CULLING] - 1
                 again = True
+        for line in range(c.line_end.size if not again else 0):  # else the block was left off
             if c.friction[line] > 0.0:
                 if rubs(coupling, line) and end_at(c.line_end[line - 1]).counts[KIND] >= SINGLE:
                     _begin_to_look(coupling, line, scratch, frames)
@@ -426,7 +428,8 @@ def _within(c, e, line: int, number: int) -> tuple[int, int]:
 
 @njit(**INNER)
 def _block(coupling: int, scratch: int, frames: int, at: int, out) -> int:
-    """K frames, or one, from number `at` of the call on. A line that is looked at takes K steps of its own at a time."""
+    """K frames, or one, from number `at` of the call on; a line that is looked at takes K steps of its own at a time. Left
+    off where a contact was passed over that might have been touched."""
     c = coupling_at(coupling)
     status = int(np.int64(0))
     touching = int(np.int64(0))
@@ -465,6 +468,9 @@ def _block(coupling: int, scratch: int, frames: int, at: int, out) -> int:
         if c.knocked[0]:
             _hear_knock(coupling, at + number, out)
         for place in range(1, touching + 1):
+            if _is_used_up(end_at(c.line_end[c.touching[place]])):
+                return status
+        for place in range(1, touching + 1):
             line = c.touching[place]
             end = c.line_end[line]
             e = end_at(end)
@@ -474,6 +480,12 @@ def _block(coupling: int, scratch: int, frames: int, at: int, out) -> int:
             elif frames == 1:
                 step_line(c.line_model[line], c.line_state[line], end, steps_of(c, e, line))
     return status
+
+
+@njit(inline="always")
+def _is_used_up(e) -> bool:
+    """Whether a contact of a line was passed over that might have been touched: the block is gone through once more."""
+    return e.known[CULLING] != NEVER and e.known[LASTS] == USED_UP
 
 
 @njit(inline="always")

@@ -7,8 +7,8 @@ and E_j the extents (`certificates`) of what it is away from that, free flight u
 
 at most; a string that is being drawn is hardly away from q_p. Beside that come what the finger pushes otherwise than p, what
 contacts press, and what the bridge does. None of it is known when the line is looked at: what is left of a contact's gap is
-spent by what has come of it, frame by frame, and a block in which it is used up is gone through once more (`frames`). So no
-sound depends on what is passed over here.
+spent by what has come of it, frame by frame, and a block in which it is used up is gone through once more (`frames`), in
+which that contact is looked at, as in the rest of the call. So no sound depends on what is passed over here.
 """
 
 from __future__ import annotations
@@ -24,14 +24,15 @@ from synth.solver.coupling import (
     CULLING,
     FEW,
     FINGERS_PUSH,
+    FOLLOWED,
     HELD_REACH,
     KICK_REACH,
     LARGEST_LEVERAGE,
     LARGEST_SHAPE,
     LASTS,
     LATELY,
+    LONG,
     NEAR,
-    SHORT,
     USED_UP,
     along,
     coupling_at,
@@ -46,6 +47,8 @@ from synth.solver.vectors import FAST, INNER
 _KEPT_BACK = 0.25
 #: times what the bridge did in the block before that have to be left
 _OF_THE_BRIDGE = 2.0
+#: frames like the one in which a gap is used up, that other contacts must outlast not to be looked at, too
+_OUTLASTED = 4.0
 
 
 @njit(cache=True, nogil=True)
@@ -85,7 +88,7 @@ def cull(coupling: int, line: int, scratch: int, steps: int) -> int:
         soon[j] = extent * min(2.0, omega[j] * brief)
     near, near_soon = _left_after(c, line, whole, soon, height, w.b)
     e.known[LASTS] = steps
-    if steps > BLOCK and (near > (0 if by_frames else FEW) or e.known[CULLING] == SHORT):
+    if steps > BLOCK and (near > (0 if by_frames else FEW) or e.known[CULLING] < LONG):
         for k in range(m.shapes.shape[0]):
             e.left[k] = w.b[k]
         e.known[LASTS] = BLOCK
@@ -101,6 +104,11 @@ def _left_after(c, line: int, whole, soon, height: float, left_soon) -> tuple[in
     q, near, near_soon = s.q[: whole.size], 0, 0
     reserve, held = _OF_THE_BRIDGE * e.numbers[LATELY], e.numbers[HELD_REACH] * abs(e.answer[FINGERS_PUSH])
     for k in range(m.shapes.shape[0]):
+        if e.left[k] == FOLLOWED and e.counts[BY_FRAMES] == 0:
+            left_soon[k] = FOLLOWED
+            near += 1
+            near_soon += 1
+            continue
         e.left[k] = left_soon[k] = 0.0
         if e.clearance[k] <= 0.0 or e.counts[BY_FRAMES]:
             shape, here, far, close = m.shapes[k, : whole.size], 0.0, 0.0, 0.0
@@ -165,6 +173,24 @@ def spend_left(coupling: int, line: int, first: int, turn: float, speed: float) 
                         e.known[LASTS] = USED_UP
     for k in range(contacts):
         if e.left[k] > 0.0:
-            e.left[k] -= spent + (s.grip_far[k] * strength if strength > 0.0 else 0.0)
+            e.left[k] -= _taken(s, k, spent, strength)
             if e.left[k] <= 0.0:
                 e.known[LASTS] = USED_UP
+    if e.known[LASTS] == USED_UP and e.counts[BY_FRAMES] == 0:
+        for k in range(contacts):
+            if e.left[k] < 0.0 or 0.0 < e.left[k] <= _OUTLASTED * _taken(s, k, spent, strength):
+                e.left[k] = FOLLOWED
+
+
+@njit(inline="always")
+def _taken(s, k: int, spent: float, strength: float) -> float:
+    """What a frame takes off a contact's gap: what the bridge does, and the finger's pushes of this strength."""
+    return spent + (s.grip_far[k] * strength if strength > 0.0 else 0.0)
+
+
+@njit(**INNER)
+def follow_none(end: int) -> None:
+    """No contact is looked at because its gap was used up before."""
+    left = end_at(end).left
+    for k in range(left.size):
+        left[k] = max(0.0, left[k])

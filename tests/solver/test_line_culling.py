@@ -214,6 +214,36 @@ def test_a_block_in_which_it_is_used_up_is_gone_through_once_more() -> None:
     assert taken_back > 0
 
 
+def test_a_contact_whose_gap_is_used_up_is_followed_until_the_call_ends() -> None:
+    """A finger that pushes a string further and further down: the block is left off in the frame that uses a gap up, not at
+    its end, and what is followed is looked at in every pass of the call, but not in that of the next one."""
+    followed = 0
+    for seed in range(6):
+        kernel = fretted(700 + seed, 8, path=1 + 64 * 8, culled_from=5)[2]
+        end, line = kernel.ends[0], kernel.system.lines[0]
+        where = 0.3 * line.length_m
+        kernel.start(np.zeros(kernel.system.size))
+        kernel.lines.hold(0, mode_shapes(line.length_m, np.array([where]), line.omega.size)[0], 0.3, 3e4, 1.0)
+        end.path[:] = np.where(np.arange(64 * 8 + 1) < 8 * 10, 0.0, -3e-3)
+        kernel.advance(16)
+        more = int(kernel.coupling.counts[coupling.FRAMES]) - 16
+        assert more < 2 * coupling.BLOCK
+        marked = np.flatnonzero(end.left == coupling.FOLLOWED)
+        assert (marked.size > 0) == (more > 0)
+        followed += marked.size
+        state = kernel.states[0]
+        state.q[:], state.v[:] = 0.0, 0.0  # far from all of them
+        state.finger[0]["push"] = 0.0
+        end.known[coupling.CULLING] = coupling.LONG
+        near = cull(kernel.address, 0, kernel.lines.scratch, 8)
+        assert near >= marked.size and np.all(end.left[marked] == coupling.FOLLOWED)
+        kernel.start(np.zeros(kernel.system.size))
+        kernel.lines.let_go(0)
+        kernel.advance(1)
+        assert not np.any(end.left == coupling.FOLLOWED)
+    assert followed > 0
+
+
 @pytest.mark.parametrize("height", [1e-3, 3e-3])
 def test_sets_of_contacts_that_depend_on_each_other(height: float) -> None:
     """Two contacts at one place: sets with both have no table, and forces are found all the same."""
