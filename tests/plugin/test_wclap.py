@@ -187,7 +187,8 @@ def test_a_state_goes_from_one_system_to_the_other(host: WclapHost, native: Path
     with Host(native) as here, here.instance() as other:
         assert other.activate(RATE_HZ)
         other.start()
-        assert other.load(made.save()) and other.save() == made.save()
+        data = made.save()
+        assert other.load(data) and made.load(data) and other.save() == data
         heard = [np.concatenate([each.process(events()[:2], 512), each.process([], 4096)]) for each in (made, other)]
         assert np.abs(heard[0]).max() > 0.01
         np.testing.assert_array_equal(*heard)
