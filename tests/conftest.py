@@ -152,7 +152,6 @@ LONGEST = (
     "tests/test_compiling.py",
     "tests/solver/test_blocks.py",
     "tests/test_promise.py",
-    "tests/engine/test_states.py",
     "tests/author/browser/test_layout.py",
     "tests/test_walls.py",
     "tests/test_bad_numbers.py",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import ctypes
 import os
 import subprocess
 import sys
@@ -75,8 +74,7 @@ def sanitize(arguments: list[str]) -> int:
 
 def measure() -> None:
     """Prints sizes and times, every one the least of several."""
-    from synth.instrument.preset import load_preset, playable_range
-    from synth.midi.events import NOTE_ON
+    from synth.instrument.preset import load_preset
     from synth.plugin.bankfile import bank
     from synth.plugin.library import build, with_bank
     from tests.plugin.native import Library
@@ -87,11 +85,10 @@ def measure() -> None:
         print(f"built in {time.monotonic() - begin:.1f} s, {made.stat().st_size / 1e3:.0f} kB")
         for name in ("tanpura-light", "fretted-bass", "jawari-harp"):
             preset = load_preset(name)
-            low = playable_range(preset)[0]
             begin = time.monotonic()
             data = bank([preset], [44100.0])
             bank_s = time.monotonic() - begin
-            times: list[list[float]] = [[], [], [], [], [], []]
+            times: list[list[float]] = [[], [], [], []]
             for k in range(5):
                 path = Path(folder) / f"{name}-{k}.so"
                 path.write_bytes(with_bank(made, data))
@@ -104,19 +101,10 @@ def measure() -> None:
                 stamps.append(time.perf_counter())
                 second = opened.engine()
                 stamps.append(time.perf_counter())
-                first.play([(0, NOTE_ON, 0, low + each, 100) for each in range(12)], 20000)
-                kept = first.save()
-                begun = time.perf_counter()
-                elsewhere = ctypes.c_int32()
-                sound = library.told(library.read, opened.address, kept, len(kept), ctypes.byref(elsewhere))
-                read = time.perf_counter()
-                library.take_up(second.address, sound)
-                stamps += [stamps[-1] + read - begun, stamps[-1] + time.perf_counter() - begun]
-                library.forget(sound)
                 for times_of, a, b in zip(times, stamps, stamps[1:], strict=False):
                     times_of.append(1e3 * (b - a))
                 del first, second
-            what = ("dlopen", "open", "create", "once more", "state read", "taken up")
+            what = ("dlopen", "open", "create", "once more")
             least = ", ".join(f"{name} {min(each):.2f}" for name, each in zip(what, times, strict=True))
             print(f"{preset.name}: bank {len(data) / 1e6:.2f} MB in {bank_s:.1f} s; {least} ms")
 

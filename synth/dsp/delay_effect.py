@@ -57,9 +57,4 @@ def _latency(made: DelayConstants) -> int:
     return made.frames
 
 
-def _problem(made: DelayConstants, state: DelayState) -> str | None:
-    place = int(state.place[0])
-    return None if 0 <= place < made.frames else f"the place must lie between 0 and {made.frames - 1}, got {place}"
-
-
-DELAY = Effect("delay", _make, _at_rest, _process, _silent, latency=_latency, problem=_problem)
+DELAY = Effect("delay", _make, _at_rest, _process, _silent, latency=_latency)

@@ -30,10 +30,6 @@ def _none(made: Any) -> int:
     return 0
 
 
-def _no_problem(made: Any, state: Any) -> None:
-    return None
-
-
 @dataclass(frozen=True)
 class Effect:
     """An effect of which there may be many.
@@ -47,8 +43,6 @@ class Effect:
     silent    (effect) → 1, or 0 while it rings. Then its state is set back to rest, and until something comes in
               it is not called
     latency   (constants) → frames by which what comes out is late
-    problem   (constants, state) → what keeps it from going on from a state of numbers that are finite, in words, or
-              None. Whatever indexes or counts must be looked at here: states may come from a file
 
     Processed on the thread that calls `Engine.process`.
     """
@@ -60,19 +54,13 @@ class Effect:
     silent: Callable[[int], int]
     settings: type | None = None
     latency: Callable[[Any], int] = _none
-    problem: Callable[[Any, Any], str | None] = _no_problem
 
 
 def check_state(effect: Effect, state: Any) -> None:
-    """Raises TypeError for a state at rest that cannot be kept: other than arrays of float64 and int64, or int64 that no
-    `problem` of the effect's own looks at."""
+    """Raises TypeError for a state at rest that cannot be kept: other than arrays of float64 and int64."""
     for name, value in state._asdict().items():
         if not isinstance(value, np.ndarray) or value.dtype not in (np.float64, np.int64):
             raise TypeError(f"{effect.kind}: {name} of its state must be an array of float64 or int64, got {value!r:.40}")
-        if value.dtype == np.int64 and effect.problem is _no_problem:
-            raise TypeError(
-                f"{effect.kind}: {name} of its state is of int64, which no check covers; give the effect a problem"
-            )
 
 
 def openers(made: Any, state: Any) -> tuple[Any, Any]:

@@ -31,13 +31,6 @@ RELEASE_S = 0.15
 WINDOW = LOOKAHEAD + 1
 _WEIGHTS = np.hanning(WINDOW + 2)[1:-1] / np.hanning(WINDOW + 2)[1:-1].sum()
 
-#: what the counters of a state are, and how large each may be
-MOST_COUNTS = (
-    ("place in the delay", LOOKAHEAD - 1),
-    ("place in the rings", WINDOW - 1),
-    ("number of frames until release", 2 * WINDOW),
-)
-
 # A remaining reduction of −140 dB counts as none, so that the limiter returns to a bitwise delay.
 _RELEASED = 1e-7
 
@@ -68,30 +61,6 @@ def limiter_state(channels: int) -> LimiterState:
         np.zeros(3, np.int64),
         np.zeros(2),
     )
-
-
-def limiter_problem(state: LimiterState, ceiling: float) -> str | None:
-    """What keeps :func:`limit` from going on below ``ceiling`` from a state of this shape, in words; None: nothing does."""
-    place, ring, active = (int(count) for count in state.counters)
-    for (name, most), value in zip(MOST_COUNTS, (place, ring, active), strict=True):
-        if not 0 <= value <= most:
-            return f"the {name} must lie between 0 and {most}, got {value}"
-    if not np.isfinite(state.delay).all():
-        return "the delay holds samples that are not finite"
-    for reductions in (state.required, state.released, state.levels):
-        wrong = reductions[~((reductions >= 0.0) & (reductions < 1.0))]
-        if wrong.size:
-            return f"reductions must lie between 0 and 1, got {wrong[0]:g}"
-    for ringed in (state.required, state.released):
-        if not np.array_equal(ringed[:WINDOW], ringed[WINDOW:]):
-            return "the two copies of a ring of reductions differ"
-    # frame k from now leaves from the delay at place + k; it came LOOKAHEAD − k frames ago, and so did its reduction
-    k = np.arange(LOOKAHEAD)
-    over = np.abs(state.delay[(place + k) % LOOKAHEAD]).max(axis=1) > ceiling
-    known = state.required[(ring + 1 + k) % WINDOW] > 0.0
-    if (over & ~known).any() or (over.any() and active < WINDOW):
-        return "the delay holds samples above the ceiling without a reduction for them"
-    return None
 
 
 def release_coefficient(rate_hz: float, release_s: float = RELEASE_S) -> float:

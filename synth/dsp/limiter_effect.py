@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from synth.dsp.effect import Effect, openers, still
-from synth.dsp.limiter import LOOKAHEAD, LimiterState, limit, limiter_problem, limiter_state, release_coefficient
+from synth.dsp.limiter import LOOKAHEAD, LimiterState, limit, limiter_state, release_coefficient
 from synth.native.views import frames_at
 
 
@@ -54,8 +54,4 @@ def _latency(made: LimiterConstants) -> int:
     return LOOKAHEAD
 
 
-def _problem(made: LimiterConstants, state: LimiterState) -> str | None:
-    return limiter_problem(state, made.ceiling)
-
-
-LIMITER = Effect("limiter", _make, _at_rest, _process, _silent, latency=_latency, problem=_problem)
+LIMITER = Effect("limiter", _make, _at_rest, _process, _silent, latency=_latency)

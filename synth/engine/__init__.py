@@ -2,7 +2,6 @@
 
 engine                                      the Python face
 engine_settings, arguments, numbers         what a person chooses, what it is given otherwise
-snapshot, state_check                       its state as bytes
 voices, expression                          who plays a note and who yields; bends, pressure
 hands, strings, stroke, excite              what hands do to a string
 coefficients, parameters                    what it is made of while they do, and what can be set

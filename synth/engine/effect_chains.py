@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -16,7 +15,7 @@ from synth.dsp.limiter_effect import LIMITER, Limiting
 from synth.engine.layout import PLACED, QUANTUM, RING, SPAN, Effects, State
 from synth.instrument.effects import EffectTable, effect_of
 from synth.instrument.preset import Preset
-from synth.native.arrays import aligned, allocate, fields, record, whole_lines
+from synth.native.arrays import aligned, allocate, record, whole_lines
 from synth.native.views import table
 
 #: an effect of the mix may be so many frames late that stems are still there when the mix comes out
@@ -93,18 +92,6 @@ class Chains:
             for view, rest in zip(placed.state(self._numbers, self._counts), placed.at_rest, strict=True):
                 view[:] = rest
 
-    def origin(self) -> bytes:
-        """(16 bytes) what tells chains apart: kinds, constants, what their states are made of."""
-        digest = hashlib.blake2b(repr(self._chains.tolist()).encode(), digest_size=16)
-        for placed in self.placed:
-            kind_of_state: Any = type(placed.at_rest)
-            kept = [(name, str(field.dtype), field.shape) for name, field in fields(kind_of_state).items()]
-            digest.update(repr((placed.effect.kind, kept, placed.places)).encode())
-            for name, value in placed.made._asdict().items():
-                digest.update(name.encode() + np.asarray(value).tobytes())
-        digest.update(self._numbers.tobytes() + self._counts.tobytes())
-        return digest.digest()
-
     def at_rest(self) -> dict[str, np.ndarray]:
         """State.effect_numbers and .effect_counts to begin with."""
         return {"effect_numbers": self._numbers, "effect_counts": self._counts}
@@ -138,14 +125,6 @@ class Chains:
         }
         arrays = {"chains": self._chains, "numbers": self._numbers, "counts": self._counts}
         return allocate(Effects, sizes, placed=np.array(rows, PLACED), **arrays), tables
-
-    def problem(self, state: State) -> str | None:
-        """What keeps an effect from going on from a State whose numbers are finite, in words."""
-        for placed in self.placed:
-            found = placed.effect.problem(placed.made, placed.state(state.effect_numbers, state.effect_counts))
-            if found is not None:
-                return f"{placed.effect.kind}: {found}"
-        return None
 
     def limiter(self, state: State) -> Any:
         """The state of the limiter, None without one."""

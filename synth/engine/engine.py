@@ -20,7 +20,7 @@ import numpy as np
 
 from synth.dsp.decimator import LATENCY_FRAMES
 from synth.dsp.limiter import largest_reduction_db
-from synth.engine import arguments, layout, snapshot
+from synth.engine import arguments, layout
 from synth.engine.bank import Strings, build_bank, default_parameters, new_scratch, new_shared, new_state, span_quanta
 from synth.engine.core import CORE_PARTS
 from synth.engine.effect_chains import Chains
@@ -32,9 +32,9 @@ from synth.engine.memory_map import EngineMemory
 from synth.engine.numbers import a_count, a_number
 from synth.engine.parameters import GAIN_SMOOTHING_S, Bindings, Parameter, bound_rows, parameters_of
 from synth.engine.process import process
-from synth.engine.state_check import check_state
 from synth.engine.tasks import entries
 from synth.engine.team import ATTEND, Team
+from synth.engine.uncopied import Uncopied
 from synth.engine.voices import policy
 from synth.engine.voices.mpe import set_zone
 from synth.instrument.check import check
@@ -56,6 +56,8 @@ from synth.units import LN_1000, db_to_gain, hz_to_midi
 DC_BLOCK_HZ = 8.0
 #: the limiter holds the mix this far below full scale, where every file format can hold it [dBFS]
 CEILING_DB = -0.1
+#: as many events may wait, 64 MB of them
+MOST_EVENTS = 1 << 21
 #: longest block [frames]
 MOST_BLOCK = 1 << 24
 
@@ -125,10 +127,8 @@ class EngineReport:
     silenced: int
 
 
-class Engine:
+class Engine(Uncopied):
     """Presets as parts of one instrument, played block by block as in an audio callback.
-
-    Copied (`copy`) or unpickled it is an engine of its own, made and prepared anew with all that sounds, but for `warn`.
 
     Parameters
     ----------
@@ -236,31 +236,6 @@ class Engine:
             state = f"{self.rate_hz:g} Hz, blocks of {self.max_block}, {strings} string{'' if strings == 1 else 's'}"
         return f"<Engine {names}: {self.settings.quality}, {self.settings.scheme}, {state}>"
 
-    def __getstate__(self) -> dict[str, Any]:
-        """What it was made and prepared with, and what sounds: no address leaves the process."""
-        made = {
-            "parts": self.parts,
-            "program_map": self.program_map,
-            "settings": self.settings,
-            "note_hz": self.note_hz,
-            "only_notes": self._only_notes,
-            "every_fret": self._every_fret,
-            "bindings": self._given_bindings,
-            "mix_effects": self.mix_effects,
-            "policy": self._policy,
-        }
-        if self._bank is None:
-            return {"made": made, "prepared": None}
-        return {"made": made, "prepared": (self.rate_hz, self.max_block, self.get_state())}
-
-    def __setstate__(self, kept: dict[str, Any]) -> None:
-        self.__init__(**kept["made"], warn=_say_nothing)  # type: ignore[misc]
-        if kept["prepared"] is not None:
-            rate_hz, max_block, sounding = kept["prepared"]
-            self.prepare(rate_hz, max_block)
-            self.set_state(sounding)
-        self._warn = None
-
     def prepare(self, rate_hz: float, max_block: int = 4096, progress: Callable[[int, int], None] | None = None) -> None:
         """Compile every playable note for an output rate [Hz], compile the kernels, reset. `max_block` [frames].
 
@@ -338,7 +313,7 @@ class Engine:
             self.settings.seed,
         )
         self._excitations = Excitations(self.parts)
-        self._built, self._known_origin = built, b""
+        self._built = built
         self._strings = Strings(built)
         called = entries(bool(built.bodies), bool(built.boards))
         self._shared: Shared = new_shared(bank, self._core_settings.span, called, self._strings)
@@ -387,7 +362,6 @@ class Engine:
         if seed is not None and seed != self.settings.seed:
             self.settings = replace(self.settings, seed=seed)
             self._core_settings = self._core_settings._replace(seed=self.settings.seed)
-            self._known_origin = b""
             settings, at = table(self._core_settings), sum(map(words, CORE_PARTS[: CORE_PARTS.index(Settings)]))
             self._core[at : at + settings.size] = settings
         for mine, fresh in zip(self._state, self._fresh, strict=True):
@@ -400,12 +374,6 @@ class Engine:
 
         if self.settings.mpe:
             set_zone(self._voices.ctypes.data, LOWER, MOST_MEMBERS)
-
-    def _own_kinds(self) -> bytes:
-        """What tells this engine's law, effects and excitations from another's."""
-        return b" ".join(
-            (self.settings.scheme.encode(), self.precision.encode(), self._chains.origin(), self._excitations.origin())
-        )
 
     def _compiled_pitch(self) -> np.ndarray:
         """(128,) pitch of every key [semitones]; of a preset with another concert pitch it is its own equal temperament."""
@@ -612,7 +580,7 @@ class Engine:
     def reserve(self, events: int) -> None:
         """Room for at least so many events that wait, for callers of the native core, which cannot make any."""
         self._prepared()
-        events = a_count("events", events, 0, snapshot.MOST_EVENTS)
+        events = a_count("events", events, 0, MOST_EVENTS)
         if events > self._state.pending.size:
             self._grow_queue(events)
 
@@ -620,24 +588,6 @@ class Engine:
     def parameters(self) -> list[Parameter]:
         """Live parameters of every part."""
         return [parameter for p, preset in enumerate(self.parts) for parameter in parameters_of(p, preset)]
-
-    def get_state(self) -> bytes:
-        """Everything that sounds, to be given back to `set_state` of an engine prepared in the same way."""
-        self._prepared()
-        return snapshot.pack(self.memory.changing, int(self._state.counters[layout.PENDING]), self._origin())
-
-    def set_state(self, data: bytes) -> None:
-        """Go on from a state. Raises ValueError for bytes that `get_state` did not give, that were changed, come from
-        another version, or from other presets, rate or quality: the engine then goes on from where it was."""
-        bank = self._prepared()
-        arrays = snapshot.unpack(data, self.memory.changing, self._origin())
-        defaults = default_parameters(self.compiled)
-        check_state(bank, self._core_settings, self._chains.problem, self._strings, arrays, defaults)
-        waiting = arrays["pending"].size
-        if waiting > self._state.pending.size:
-            self._grow_queue(waiting)
-        for name, mine in self.memory.changing.items():
-            mine[: len(arrays[name])] = arrays[name]
 
     def _grow_queue(self, size: int) -> None:
         bigger = np.zeros(size, EVENT)
@@ -650,12 +600,6 @@ class Engine:
         fresh = table(self._prepared(), state, self._shared, self._core_settings, self._effects)
         self._core[: fresh.size] = fresh  # what stands behind its own parts stays
         self._state = state
-
-    def _origin(self) -> bytes:
-        """What states of this engine belong to."""
-        if not self._known_origin:
-            self._known_origin = snapshot.origin_of(self._built, self._core_settings, self._own_kinds())
-        return self._known_origin
 
     @property
     def mode_steps(self) -> int:
@@ -690,7 +634,3 @@ class Engine:
             int(state.sounding["unsolved"].sum()),
             int(state.sounding["silenced"].sum() + state.part_state["silenced"].sum() + counters[layout.N_SILENCED]),
         )
-
-
-def _say_nothing(text: str) -> None:
-    """A copy was warned about when the original was made."""

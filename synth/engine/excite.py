@@ -35,7 +35,3 @@ class Excitations:
                 shared.excitation[part, BEGIN_HOLD] = entry(each[0].begin, 4).address
                 shared.excitation[part, FOLLOW] = entry(each[0].follow, 4).address
                 shared.excitation[part, CONSTANTS] = constants.ctypes.data
-
-    def origin(self) -> bytes:
-        """What tells the excitations of one engine from another's."""
-        return repr([None if each is None else (each[0].kind, tuple(each[1])) for each in self._of]).encode()

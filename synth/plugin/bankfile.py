@@ -9,7 +9,7 @@ addresses. Each preset is a part, which the programs 0, 1, … of every channel 
     presets       PRESET each; then live parameters and the numbers of the setup, PARAMETER each; functions, FUNCTION each;
                   rates, RATE each; the recipe, by which `rebuild` makes a bank with another setup; and the drone of a plugin
                   that plays one by itself, as `droning` has it
-    per rate      its block: constants, core and thread as they begin, RELOCATION each, the limits of a state (`limits`)
+    per rate      its block: constants, core and thread as they begin, RELOCATION each
 
 Strings take the same steps at a rate and at its octave where more steps make up for the lower rate: the constants of the two
 then have much in common. It is there once, at the end of the lower rate's block, where the other's begins.
@@ -48,7 +48,6 @@ from synth.plugin.addresses import CONSTANT, CORE, THREAD, TO_FUNCTION, Memory, 
 from synth.plugin.description import DescribedPreset, curve_of, describe
 from synth.plugin.droning import PluginDrone
 from synth.plugin.emit import names
-from synth.plugin.limits import AHEAD, limits_in
 from synth.plugin.setup import SetupNumber
 from synth.solver.board_table import CONSTANT as CONSTANT_ARRAYS
 from synth.solver.board_table import ROOM, Board
@@ -57,7 +56,7 @@ from synth.solver.stringmodel import Scratch, StringModel, StringState
 
 MAGIC = b"JAWARIBK"
 #: of this layout; a change of what HEADER … RATE mean is another version
-VERSION = 4
+VERSION = 5
 RATES = (44100.0, 48000.0, 88200.0, 96000.0)
 MOST_RATES = 32
 #: of `Engine`, what is not the bank's
@@ -165,17 +164,10 @@ RATE = np.dtype(
         ("thread", "<u8"),
         ("relocations_at", "<u8"),
         ("relocations", "<u8"),
-        ("sounding", "<u8"),  # what a state keeps: of the core from here …
+        ("sounding", "<u8"),  # what begins anew at a reset: of the core from here …
         ("sounding_end", "<u8"),  # … to here
         ("thread_table", "<u8"),  # in the thread's
         ("pitch", "<u8"),  # of every key, among the constants
-        ("limits_at", "<u8"),  # in the block
-        ("limits", "<u8"),
-        ("conditions_at", "<u8"),
-        ("conditions", "<u8"),
-        ("names_at", "<u8"),
-        ("names", "<u8"),
-        ("ahead", AHEAD),
         ("places", PLACE, (len(PLACES),)),
     ]
 )
@@ -420,11 +412,6 @@ def _block(prepared: _Prepared, functions: list[str], constants_last: bool = Fal
     row["core_at"], row["core_stored"], row["core"] = put(core.stored), len(core.stored), core.size
     row["thread_at"], row["thread_stored"], row["thread"] = put(thread.stored), len(thread.stored), thread.size
     row["relocations_at"], row["relocations"] = put(relocations.tobytes()), len(relocations)
-    limits = limits_in(memory, sounding[0], engine)
-    for name in ("limits", "conditions", "names"):
-        table = getattr(limits, name)
-        row[f"{name}_at"], row[name] = put(table.tobytes()), len(table)
-    row["ahead"] = limits.ahead
     if constants_last:
         row["constants_at"] = put(constants)
     else:

@@ -19,7 +19,7 @@ SOURCES = Path(__file__).resolve().parent / "c"
 #: "engine": the interface of jawari.h. "clap": a CLAP too, which is what a host of WebAssembly takes. "plugin": all formats
 Kind = Literal["engine", "clap", "plugin"]
 
-_CORE = ("core", "core_check", "core_follow", "core_kernels", "core_state", "core_threads")
+_CORE = ("core", "core_follow", "core_kernels", "core_threads")
 _ENGINE = (*_CORE, "bank", "bank_predict", "bank_unpack", "checksum", "drone_score", "midi", "portable_math")
 _PLUGIN = ("plugin", "plugin_block", "plugin_drone", "plugin_rebuild", "plugin_state", "plugin_text", "plugin_wishes")
 _CLAP = ("clap", "clap_events", "clap_extensions")

@@ -29,6 +29,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from synth.plugin import predicted
+from synth.plugin.addresses import RELOCATION
 from synth.plugin.bankfile import HEADER, RATE, Laid
 from synth.plugin.droning import SCORE, STROKE
 from synth.plugin.packed_models import (
@@ -370,9 +371,8 @@ def _areas(image: np.ndarray, models: Models) -> list[tuple[int, int, int]]:
     rates = image[int(header["rates_at"]) :][: int(header["rates"]) * RATE.itemsize].view(RATE)
     rows: list[tuple[int, int, int]] = []
     for rate in rates:
-        for name, words in (("relocations", 3), ("limits", 9), ("conditions", 3)):
-            begin = int(rate["at"]) + int(rate[f"{name}_at"])
-            rows.append((begin, begin + 8 * words * int(rate[name]), words))
+        begin = int(rate["at"]) + int(rate["relocations_at"])
+        rows.append((begin, begin + RELOCATION.itemsize * int(rate["relocations"]), RELOCATION.itemsize // 8))
     rows.sort()
     out, last = [], 0
 

@@ -338,7 +338,7 @@ def test_a_changed_preset_is_another_data_set(tmp_path: Path) -> None:
 
 
 def test_a_seed_given_at_reset_is_the_engines() -> None:
-    """To the bit the engine that was made with it; a state of one does not fit the other."""
+    """To the bit the engine that was made with it."""
     koto = synth.load_preset("koto")
 
     def sound(engine: synth.Engine) -> np.ndarray:
@@ -353,11 +353,8 @@ def test_a_seed_given_at_reset_is_the_engines() -> None:
     assert not np.array_equal(zero, five)
     engines[0].reset(5)
     assert np.array_equal(sound(engines[0]), five) and engines[0].settings.seed == 5
-    engines[1].set_state(engines[0].get_state())
     engines[0].reset(0)
     assert np.array_equal(sound(engines[0]), zero)
-    with pytest.raises(ValueError, match=r"other presets, rate or quality"):
-        engines[1].set_state(engines[0].get_state())
     with pytest.raises(ValueError, match=r"seed must be at least 0"):
         engines[0].reset(-1)
     assert engines[0].struck == [(0, 0)] or len(engines[0].struck) == 1

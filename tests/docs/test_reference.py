@@ -232,7 +232,7 @@ def test_every_public_name(pages: dict[str, str]) -> None:
     for name in synth.__all__:
         assert len(said.get(f"synth.{name}", "")) > 8, name
     engine = {name for name, thing in vars(synth.Engine).items() if not name.startswith("_") and callable(thing)}
-    assert {"prepare", "process", "get_state"} < engine
+    assert {"prepare", "process", "report"} < engine
     for name in engine:
         assert len(said.get(f"synth.Engine.{name}", "")) > 8, name
 

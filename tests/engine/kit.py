@@ -183,6 +183,17 @@ def play(
     return out
 
 
+def what_sounds(made: Engine) -> dict[str, np.ndarray]:
+    """All that changes while an engine sounds, as it is now."""
+    return {name: array.copy() for name, array in made.memory.changing.items()}
+
+
+def go_on_from(made: Engine, state: dict[str, np.ndarray]) -> None:
+    """Puts what was kept of an engine that was prepared in the same way into its place."""
+    for name, array in made.memory.changing.items():
+        array[: len(state[name])] = state[name]
+
+
 def bank_of(made: Engine) -> layout.Bank:
     """The constant arrays of a prepared engine."""
     assert made._bank is not None

@@ -213,8 +213,6 @@ def test_engines_that_cannot_be(parts, options, error, said):
     [
         lambda made: made.process(NONE, np.zeros((10, 2))),
         lambda made: made.reset(),
-        lambda made: made.get_state(),
-        lambda made: made.set_state(b""),
         lambda made: made.report(),
         lambda made: made.addresses,
         lambda made: made.strings_sounding,

@@ -27,7 +27,7 @@ from tests.engine.handed import (
     key,
     up,
 )
-from tests.engine.kit import QUANTUM, RATE_HZ, engine, place, play, preset, steel
+from tests.engine.kit import QUANTUM, RATE_HZ, engine, go_on_from, place, play, preset, steel, what_sounds
 
 
 @pytest.fixture(scope="module")
@@ -90,9 +90,9 @@ def test_a_state_goes_on_as_it_was(handed, at):
     handed.reset()
     rows = make_events(BUSY)
     play(handed, rows[rows["frame"] < at], at, 512)
-    state = handed.get_state()
+    state = what_sounds(handed)
     handed.reset()
-    handed.set_state(state)
+    go_on_from(handed, state)
     later = rows[rows["frame"] >= at].copy()
     later["frame"] -= at
     assert np.array_equal(whole[at:], play(handed, later, 36_000 - at, 77))
@@ -106,9 +106,9 @@ def test_strings_that_share_a_body_have_them_too():
     assert np.array_equal(whole, play(made, rows, 26_000, 77))
     made.reset()
     play(made, rows[rows["frame"] < at], at, 512)
-    state = made.get_state()
+    state = what_sounds(made)
     made.reset()
-    made.set_state(state)
+    go_on_from(made, state)
     later = rows[rows["frame"] >= at].copy()
     later["frame"] -= at
     assert np.array_equal(whole[at:], play(made, later, 26_000 - at, 100))

@@ -9,7 +9,7 @@ from synth.engine import layout
 from synth.engine.process import process
 from synth.midi.events import CONTROL, EVENT, NOTE_OFF, NOTE_ON, PARAMETER, make_events
 
-from .kit import BRIDGE, FREE, NECK, engine, play, random_events
+from .kit import BRIDGE, FREE, NECK, engine, go_on_from, play, random_events, what_sounds
 
 FRAMES = 12000
 
@@ -92,24 +92,17 @@ def test_reset_begins_anew_and_state_goes_on():
     made.reset()
     half = 5003
     first = play(made, events[events["frame"] < half], half)
-    kept = made.get_state()
+    kept = what_sounds(made)
     rest = events[events["frame"] >= half].copy()
     rest["frame"] -= half
     second = play(made, rest, FRAMES - half)
     assert np.array_equal(np.concatenate([first, second]), whole)
     other = band("exact-hold", True, limiter=True)
     play(other, [(0, NOTE_ON, 1, 43, 100)], 3000)
-    other.set_state(kept)
+    go_on_from(other, kept)
     assert np.array_equal(play(other, rest, FRAMES - half), second)
     made.reset()
     assert np.array_equal(play(made, events, FRAMES), whole)
-
-
-def test_state_brings_no_second_compilation():
-    made = engine(FREE)
-    made.set_state(made.get_state())
-    play(made, [(0, NOTE_ON, 0, 50, 100)], 200)
-    assert len(process.signatures) == 1
 
 
 def test_queue_grows_for_a_flood():

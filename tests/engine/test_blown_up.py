@@ -49,7 +49,6 @@ def test_a_scheme_that_gains_energy_is_silenced_and_the_next_note_sounds(tanpura
     again = play(tanpura, note, 8192)
     changing = tanpura.memory.changing.values()
     assert all(np.isfinite(array).all() for array in changing if array.dtype.kind == "f")
-    tanpura.set_state(tanpura.get_state())
     tanpura.reset()
     assert tanpura.report().silenced == 0
     play(tanpura, WIDEST, 1024)

@@ -11,7 +11,22 @@ from synth.instrument.preset import PresetError, parse_preset
 from synth.midi.events import BEND, CONTROL, KEY_PRESSURE, NOTE_OFF, NOTE_ON, PARAMETER, PRESSURE
 from synth.solver.board_table import SPEAKING, STRUCK, Board
 
-from .kit import FREE, RATE_HZ, awake, bank_of, engine, model_of, place, play, preset, random_events, string_of, wound
+from .kit import (
+    FREE,
+    RATE_HZ,
+    awake,
+    bank_of,
+    engine,
+    go_on_from,
+    model_of,
+    place,
+    play,
+    preset,
+    random_events,
+    string_of,
+    what_sounds,
+    wound,
+)
 
 PICKUP = 'kind = "pickup"\nposition = 0.12\ndistance_mm = 5\naperture_mm = 12\ngain_db = -18'
 OBSTACLE = (
@@ -73,25 +88,9 @@ def test_a_saved_state_goes_on_bit_for_bit(at: int) -> None:
     first = engine(BOARD)
     play(first, [row for row in ROWS if row[0] < at], at)
     other = engine(BOARD)
-    other.set_state(first.get_state())
+    go_on_from(other, what_sounds(first))
     rest = [(row[0] - at, *row[1:]) for row in ROWS if row[0] >= at]
     assert np.array_equal(wanted[at:], play(other, rest, 7000 - at, 300))
-
-
-def test_states_whose_board_is_none_are_refused() -> None:
-    made = engine(BOARD, FREE)
-    play(made, [(0, NOTE_ON, 0, 40, 127)], 3200)
-    for change, said in (
-        (lambda made: made._strings.boards.items[0].touching.__setitem__(0, 2), "touching"),
-        (lambda made: made._strings.boards.items[0].account.__setitem__(0, -1.0), "account"),
-        (lambda made: board_of(made, awake(made)[0]).numbers.__setitem__(SPEAKING, 0.0), "speaks over a board"),
-        (lambda made: made._state.sounding["slide"].__setitem__(3, 1.0), "no board under it"),
-    ):
-        broken = engine(BOARD, FREE)
-        broken.set_state(made.get_state())
-        change(broken)
-        with pytest.raises(ValueError, match=said):
-            engine(BOARD, FREE).set_state(broken.get_state())
 
 
 @pytest.mark.parametrize(("bend", "semitones"), [(8191, 2.0 * 8191 / 8192), (-4096, -1.0), (2048, 0.5)])

@@ -14,7 +14,7 @@ from synth.instrument.preset import load_preset
 from synth.midi.events import BEND, CONTROL, NOTE_OFF, NOTE_ON, PARAMETER, make_events
 from synth.solver.coupling import BY_FRAMES
 from synth.solver.stringmodel import MOVING
-from tests.engine.kit import FORCE, ONE_NECK, QUANTUM, RATE_HZ, engine, play, preset, steel
+from tests.engine.kit import FORCE, ONE_NECK, QUANTUM, RATE_HZ, engine, go_on_from, play, preset, steel, what_sounds
 from tests.engine.test_flight import worst
 
 MUTED = load_preset("ukulele")
@@ -80,7 +80,7 @@ def test_it_is_the_same_in_any_block_and_from_a_state() -> None:
     play(first, [row for row in MUTES if row[0] < 8000], 8000, 32)
     assert any(end.counts[BY_FRAMES] for end in first._strings.bridges.ends.items)
     other = engine(MUTED)
-    other.set_state(first.get_state())
+    go_on_from(other, what_sounds(first))
     later = [(row[0] - 8000, *row[1:]) for row in MUTES if row[0] >= 8000]
     np.testing.assert_array_equal(play(first, later, 8000, 64), play(other, later, 8000, 64))
 
@@ -138,7 +138,7 @@ def test_a_wheel_that_comes_back_in_flight_leaves_a_state_that_can_be_loaded() -
     assert made._state.sounding["flying"][0] == FLYING
     assert not made._strings.states.items[0].due.any()
     other = engine(ONE_NECK)
-    other.set_state(made.get_state())
+    go_on_from(other, what_sounds(made))
     later = [(100, NOTE_ON, 0, 45, 100)]
     np.testing.assert_array_equal(play(made, later, 4000), play(other, later, 4000))
 

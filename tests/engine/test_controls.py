@@ -25,7 +25,7 @@ from synth.midi.events import (
 )
 from synth.units import cents, midi_to_hz
 
-from .kit import BRIDGE, FORCE, FREE, NECK, RATE_HZ, awake, bank_of, engine, play, preset, steel
+from .kit import BRIDGE, FORCE, FREE, NECK, RATE_HZ, awake, bank_of, engine, go_on_from, play, preset, steel, what_sounds
 
 G3_HZ = 196.0
 #: bends by 40 cents under full pressure
@@ -503,13 +503,13 @@ def test_a_level_below_all_strings_spares_none_bitwise(free):
 def test_the_queue_is_as_long_as_reserved():
     made = engine(FREE)
     play(made, [(0, NOTE_ON, 0, 48, 100)], 500)
-    kept = made.get_state()
+    kept = what_sounds(made)
     made.reserve(100)
     assert made._state.pending.size >= 1 << 14
     made.reserve(50000)
     assert made._state.pending.size >= 50000
     after = play(made, [], 2000)
-    made.set_state(kept)
+    go_on_from(made, kept)
     assert np.array_equal(play(made, [], 2000), after)
     with pytest.raises(ValueError, match="call prepare"):
         type(made)([FREE]).reserve(10)
@@ -573,7 +573,7 @@ def test_neither_blocks_nor_threads_nor_a_stop_change_a_bit():
         half = 5003
         first = play(made, events[events["frame"] < half], half)
         other = all_of_it()
-        other.set_state(made.get_state())
+        go_on_from(other, what_sounds(made))
         rest = events[events["frame"] >= half].copy()
         rest["frame"] -= half
         assert np.array_equal(np.concatenate([first, play(other, rest, frames - half)]), whole)

@@ -10,7 +10,20 @@ from synth.instrument.preset import Preset, PresetError
 from synth.midi.events import NOTE_ON
 from synth.solver import coupling
 
-from .kit import BRIDGE_OBSTACLE, NECK, NECK_OBSTACLE, bank_of, engine, play, preset, state_of, steel, wound
+from .kit import (
+    BRIDGE_OBSTACLE,
+    NECK,
+    NECK_OBSTACLE,
+    bank_of,
+    engine,
+    go_on_from,
+    play,
+    preset,
+    state_of,
+    steel,
+    what_sounds,
+    wound,
+)
 from .test_together import HEARD, MODES, ROWS, TWO, TWO_WAYS, coupling_of, left_alone
 
 RUBS = "\nfriction = 0.3"
@@ -45,7 +58,7 @@ def test_neither_blocks_nor_threads_nor_a_state_matter(instrument: Preset) -> No
         made, other = engine(instrument), engine(instrument)
         play(made, [row for row in rows if row[0] < at], at)
         play(other, [(0, NOTE_ON, 0, 48 if instrument is ROUGH_BRIDGE else 33, 127)], 700)
-        other.set_state(made.get_state())
+        go_on_from(other, what_sounds(made))
         later = [(row[0] - at, *row[1:]) for row in rows if row[0] >= at]
         assert np.array_equal(play(other, later, 2000, 77), play(made, later, 2000))
 

@@ -22,12 +22,14 @@ from .kit import (
     bank_of,
     energy,
     engine,
+    go_on_from,
     place,
     play,
     preset,
     state_of,
     steel,
     string_of,
+    what_sounds,
     wound,
 )
 from .test_strokes import HEARD, begin, one
@@ -354,9 +356,9 @@ def test_neither_blocks_nor_threads_nor_a_state_matter(name: str) -> None:
     for at in (64, 237, 288, 760, 2700, 4010):  # arriving, slipping, knocking, coming down
         made = engine(ALL[name])
         play(made, [row for row in rows if row[0] < at], at)
-        state = made.get_state()
+        state = what_sounds(made)
         made.reset()
-        made.set_state(state)
+        go_on_from(made, state)
         later = [(row[0] - at, *row[1:]) for row in rows if row[0] >= at]
         np.testing.assert_array_equal(whole[at:], play(made, later, 7000 - at, 77))
 

@@ -19,11 +19,13 @@ from .kit import (
     PRESSED,
     bank_of,
     engine,
+    go_on_from,
     model_of,
     play,
     preset,
     state_of,
     steel,
+    what_sounds,
     wound,
 )
 from .test_together import HEARD, MODES, TWO_WAYS
@@ -79,7 +81,7 @@ def test_neither_blocks_nor_threads_nor_a_state_matter(instrument: Preset) -> No
         made, other = engine(instrument), engine(instrument)
         play(made, [row for row in rows if row[0] < at], at)
         play(other, [(0, NOTE_ON, 0, 43 if instrument in (BRIDGE, SHARED) else 33, 127)], 700)
-        other.set_state(made.get_state())
+        go_on_from(other, what_sounds(made))
         later = [(row[0] - at, *row[1:]) for row in rows if row[0] >= at]
         assert np.array_equal(play(other, later, 2000, 77), play(made, later, 2000))
 

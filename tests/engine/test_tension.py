@@ -23,11 +23,13 @@ from .kit import (
     bank_of,
     energy,
     engine,
+    go_on_from,
     model_of,
     play,
     preset,
     state_of,
     steel,
+    what_sounds,
     wound,
 )
 from .test_together import HEARD, MODES, ONE_WAY, TWO_WAYS
@@ -172,7 +174,7 @@ def test_neither_blocks_nor_threads_nor_a_state_matter(instrument: Preset) -> No
         assert made._state.sounding["rise"].max() > 0.0
         other = engine(instrument)
         play(other, [(0, NOTE_ON, 0, 33 if instrument in (NECK, TWO) else 43, 127)], 700)
-        other.set_state(made.get_state())
+        go_on_from(other, what_sounds(made))
         later = [(row[0] - at, *row[1:]) for row in rows if row[0] >= at]
         assert np.array_equal(play(other, later, 3000, 77), play(made, later, 3000))
 

@@ -15,7 +15,21 @@ from synth.engine import layout, team
 from synth.midi.events import BEND, CONTROL, NOTE_OFF, NOTE_ON
 from tests.patience import compiling_s
 
-from .kit import BRIDGE, BRIDGE_OBSTACLE, FORCE, FREE, NECK, RATE_HZ, engine, play, preset, random_events, steel
+from .kit import (
+    BRIDGE,
+    BRIDGE_OBSTACLE,
+    FORCE,
+    FREE,
+    NECK,
+    RATE_HZ,
+    engine,
+    go_on_from,
+    play,
+    preset,
+    random_events,
+    steel,
+    what_sounds,
+)
 
 FRAMES = 16000
 
@@ -107,12 +121,12 @@ def test_state_reaches_the_workers():
     made, alone = band(2), band(1)
     events = dense(np.random.default_rng(2))
     play(made, events, 5000)
-    kept = made.get_state()
+    kept = what_sounds(made)
     rest = play(made, [], 6000)
     made.reset()
-    made.set_state(kept)
+    go_on_from(made, kept)
     assert np.array_equal(play(made, [], 6000), rest)
-    alone.set_state(kept)
+    go_on_from(alone, kept)
     assert np.array_equal(play(alone, [], 6000), rest)
     made.close()
 

@@ -11,7 +11,21 @@ from synth.physics.body_modes import Body, BodyMode
 from synth.physics.coupled import CoupledStrings, Line
 from synth.solver import coupling
 
-from .kit import BRIDGE_OBSTACLE, NECK, NECK_OBSTACLE, RATE_HZ, awake, bank_of, engine, play, preset, steel, wound
+from .kit import (
+    BRIDGE_OBSTACLE,
+    NECK,
+    NECK_OBSTACLE,
+    RATE_HZ,
+    awake,
+    bank_of,
+    engine,
+    go_on_from,
+    play,
+    preset,
+    steel,
+    what_sounds,
+    wound,
+)
 
 HEARD = 'kind = "body"\ngain_db = -40'
 MODES = """
@@ -97,11 +111,11 @@ def test_a_state_in_mid_note_goes_on_bit_for_bit(instrument: Preset) -> None:
         made = engine(instrument)
         play(made, [row for row in rows if row[0] < at], at)
         later = [(row[0] - at, *row[1:]) for row in rows if row[0] >= at]
-        state = made.get_state()
+        state = what_sounds(made)
         expected = play(made, later, 3000)
         other = engine(instrument)
         play(other, [(0, NOTE_ON, 0, 48 if instrument is not TWO else 33, 127)], 700)
-        other.set_state(state)
+        go_on_from(other, state)
         assert np.array_equal(play(other, later, 3000, 77), expected)
 
 

@@ -24,12 +24,14 @@ from .kit import (
     awake,
     bank_of,
     engine,
+    go_on_from,
     play,
     preset,
     random_events,
     state_of,
     string_of,
     until_state_at,
+    what_sounds,
     wound,
 )
 
@@ -210,21 +212,9 @@ def test_a_state_goes_on():
     for at in (5003, 12_417, 25_111):
         made.reset()
         play(made, [row for row in BUSY if row[0] < at], at)
-        other.set_state(made.get_state())
+        go_on_from(other, what_sounds(made))
         rest = play(other, [(row[0] - at, *row[1:]) for row in BUSY if row[0] >= at], 33000 - at)
         assert np.array_equal(rest, whole[at:])
-
-
-@pytest.mark.parametrize(
-    "field, value, said",
-    [("awake", 0, "differs between the two directions"), ("idle", 0, "second direction")],
-)
-def test_a_state_whose_directions_differ_is_refused(field, value, said):
-    made = engine(ACROSS)
-    play(made, [(0, NOTE_ON, 0, 33, 100)], 1000)
-    made._state.sounding[field][3] = value
-    with pytest.raises(ValueError, match=said):
-        made.set_state(made.get_state())
 
 
 def test_what_has_no_meaning_is_refused():

@@ -65,15 +65,11 @@ def _silent(effect: int) -> int:
     return 1 if loudest < 1e-12 else 0
 
 
-def _problem(made: Made, state: State) -> str | None:
-    return None if state.frames[0] >= 0 else f"its frames must be counted from 0, got {state.frames[0]}"
-
-
 def _latency(made: Made) -> int:
     return made.late
 
 
-TREMOR = register(Effect("tremor", _make, _at_rest, _process, _silent, Tremor, _latency, _problem))
+TREMOR = register(Effect("tremor", _make, _at_rest, _process, _silent, Tremor, _latency))
 
 
 def shape(frames: np.ndarray, table: Tremor, rate_hz: float) -> np.ndarray:

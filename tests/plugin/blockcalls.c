@@ -57,7 +57,6 @@ int open(const char *path, int flags, ...) {
 }
 
 static double left[4096], right[4096];
-static char kept[1 << 23];
 static jawari_event events[600];
 static uint32_t dice = 1;
 
@@ -86,18 +85,6 @@ int main(int n, char **given) {
         jawari_process(engine, events, held, block % 2 ? 333 : 4096, left, right);
         if (block == 70)
             jawari_reset(engine);
-        if (block % 40 == 30) {
-            int64_t size = jawari_save(engine, kept, sizeof kept);
-            int32_t elsewhere;
-            watched = 0; /* what is saved is read by another thread */
-            jawari_sound *sound = size < 0 ? NULL : jawari_read(bank, kept, (size_t)size, &elsewhere, why);
-            watched = 1;
-            if (sound == NULL || jawari_take_up(engine, sound) != 0)
-                return 2;
-            watched = 0;
-            jawari_forget(sound);
-            watched = 1;
-        }
     }
     watched = 0;
     const long in_blocks = counted;

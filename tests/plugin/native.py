@@ -69,12 +69,6 @@ _FUNCTIONS = {
     "pitch": (_D, _P, _I),
     "sounding": (_I, _P, _I, _I),
     "report_of": (None, _P, c.POINTER(NativeReport)),
-    "most_saved": (c.c_size_t, _P),
-    "save": (_L, _P, _P, c.c_size_t),
-    "load": (_I, _P, _S, c.c_size_t, _P),
-    "read": (_P, _P, _S, c.c_size_t, c.POINTER(c.c_int32), _P),
-    "forget": (None, _P),
-    "take_up": (_I, _P, _P),
     "lend": (None, _P),
     "help": (None, _P, _I),
     "kernel": (_P, _S),
@@ -169,19 +163,6 @@ class NativeEngine:
 
     def reset(self) -> None:
         self.library.reset(self.address)
-
-    def save(self) -> bytes:
-        room = self.library.most_saved(self.address)
-        data = c.create_string_buffer(room)
-        size = self.library.save(self.address, data, room)
-        assert 0 < size <= room
-        return data.raw[:size]
-
-    def load(self, data: bytes) -> None:
-        """Raises Refused."""
-        why = c.create_string_buffer(WHY)
-        if self.library.load(self.address, data, len(data), why) != 0:
-            raise Refused(why.value.decode())
 
     @property
     def report(self) -> NativeReport:

@@ -310,22 +310,17 @@ def test_on_it_goes_on_at_the_tempo_where_the_host_stops_and_meets_it_again(plug
 # ---- states, reset, bypass --------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("pace", [0.0, 1.0])
-@pytest.mark.parametrize("cut", [99_999, 160_000])
-def test_a_state_goes_on_from_its_place_in_the_cycle(exported, pace, cut):
-    song, frames = Song((0, True, 2.0, 111.0)), 300_000
-    values = {MODE: ON, PACE: pace, SECONDS: 1.7, VELOCITY: 80.0, TONIC: -1.5}
+def test_a_state_begins_anew_with_its_values(exported, engine):
     with Host(exported) as host, host.instance() as first, host.instance() as second:
-        for each in (first, second):
-            assert each.activate(RATE)
-            each.start()
-        whole = play_song(song, first, cut, (777,), values)
+        first.flush([abi.param(0, ids(first)[name], value) for name, value in {MODE: ON, SECONDS: 1.1}.items()])
+        assert second.activate(RATE)
+        second.start()
+        hear(second, [], 77_777, values={MODE: ON, SECONDS: 2.3})
         assert second.load(first.save())
-        later = Song((0, *song.at(cut)))
-        a, b = play_song(later, first, frames - cut, (512,)), play_song(later, second, frames - cut, (100, 4000))
-        assert kit.loudest(whole) > 0.01 and kit.loudest(a) > 0.01
-        assert np.array_equal(a, b)
-        assert second.value(ids(second)[TONIC]) == -1.5
+        frames, fade = 100_000, 200
+        heard = hear(second, [], frames)
+    expected = truth(engine, of_drone(frames, replace(SETTINGS.cycle, cycle_s=1.1)), frames)
+    assert np.array_equal(heard[fade:], expected[fade:])
 
 
 def test_a_reset_begins_anew(plugin, engine):
@@ -417,27 +412,6 @@ def test_lv2_plays_the_same(exported, engine, unit):
     instance.close()
     expected = played(strokes((told, beat, tempo), frames))
     assert np.array_equal(np.concatenate(out), truth(engine, make_events(expected), frames).astype(np.float32))
-
-
-def test_lv2_a_state_of_a_host_that_played_does_not_play_in_one_that_stands(exported, engine):
-    """It says only what changes: a new host, nothing."""
-    played_on, after = 100_000, 60_000
-    with_host = []
-    for _ in range(2):
-        made = lv2host.Instance(exported, RATE, defaults())
-        made.activate()
-        with_host.append(made)
-    first, second = with_host
-    first.run(played_on, [first.position(0, speed=1.0, beatsPerMinute=120.0, bar=0, barBeat=0.0, beatsPerBar=4.0)])
-    assert second.restore(first.save()) == 0
-    heard = second.run(after)
-    on = of_drone(played_on)
-    held = int(on[on["kind"] == NOTE_ON]["a"][-1])
-    ended = np.concatenate([on, make_events([(played_on, NOTE_OFF, 0, held, 64, 0.0)])])
-    expected = truth(engine, ended, played_on + after)[played_on:]
-    assert np.array_equal(heard, expected.astype(np.float32))
-    for made in with_host:
-        made.close()
 
 
 def test_lv2_switched_off_and_on_it_begins_anew_where_the_host_plays_on(exported, engine):

@@ -16,9 +16,8 @@ import pytest
 from synth.jit.kernel_sources import sources_id
 from synth.plugin import emit, retarget
 from synth.plugin import library as native_library
-from synth.plugin.c_sources import sources
 from synth.plugin.library import EXPORTED, BuildError, version_of
-from synth.plugin.platforms import TARGETS, host
+from synth.plugin.platforms import TARGETS
 
 ROOT = Path(__file__).resolve().parents[2]
 #: of the C library and libm; who adds one looks whether a block may call it
@@ -213,19 +212,6 @@ def test_a_block_allocates_locks_and_opens_nothing(library_file, bank_files, tmp
     assert built.returncode == 0, built.stderr
     done = subprocess.run([str(program), str(bank_files["all"])], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (0, "0 2 1\n"), (done.stdout, done.stderr)
-
-
-def test_who_copies_what_sounds_for_a_host_that_saves(tmp_path):
-    """The thread that asks for it, beside the audio thread, as long as that holds; else the audio thread itself."""
-    program, place = tmp_path / "savebeside", native_library.SOURCES
-    parts = ("plugin", "system", "checksum", "drone_score")
-    used = [path for path in sources(host() or TARGETS["linux-x86-64"]) if path.name.startswith(parts)]
-    used.insert(0, Path(__file__).with_name("savebeside.c"))
-    made = [*native_library.compiler(), "-std=gnu11", "-O1", f"-I{place}", "-o", program, *used, "-lpthread", "-lm"]
-    built = subprocess.run(list(map(str, made)), capture_output=True, text=True, check=False)
-    assert built.returncode == 0, built.stderr
-    done = subprocess.run([str(program)], capture_output=True, text=True, timeout=60, check=False)
-    assert (done.returncode, done.stdout) == (0, "saving\naudio\n"), (done.stdout, done.stderr)
 
 
 def test_the_header_is_c_and_c_plus_plus(tmp_path):

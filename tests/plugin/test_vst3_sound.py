@@ -157,27 +157,18 @@ def test_notes_are_tuned_one_by_one(instance):
     np.testing.assert_array_equal(sound, truth(PRESETS, 44100.0, Song(2000), more=rows))
 
 
-@pytest.mark.parametrize("when", ["before", "while it plays"])
-def test_a_state_goes_on_where_it_was_taken(factory, when):
-    song, middle, fading = a_song(5), FRAMES // 2, 0
+def test_what_sounds_fades_where_a_state_is_loaded(factory):
+    song = a_song(5)
     first, second = host.Instance(factory), host.Instance(factory)
-    first.start(48000.0)
-    before = played(first, song, (200,), 0, middle)
-    state = first.save()
-    if when == "before":
-        assert second.load(state) == host.OK
-        second.start(48000.0)
-    else:
-        second.start(48000.0)
-        second.process(1000, host.Block([(3, host.note_on(0, 48, 1.0))]))
-        assert second.load(state) == host.OK
-        fading = 144  # what it played: 3 ms of it
+    for each in (first, second):
+        each.start(48000.0)
+    played(first, song, (200,))
+    second.process(1000, host.Block([(3, host.note_on(0, 48, 1.0))]))
+    assert second.load(first.save()) == host.OK
     for info in first.parameters()[:10]:
         assert second.position(info.id) == pytest.approx(first.position(info.id), abs=1e-12)
-    after = played(second, song, (333,), middle)
-    expected = truth(PRESETS, 48000.0, in_values(first, song)).astype(np.float32)
-    np.testing.assert_array_equal(before, expected[:middle])
-    np.testing.assert_array_equal(after[fading:], expected[middle + fading :])
+    after = second.process(2000, host.Block([]))
+    assert np.abs(after[:10]).max() > 1e-3 and not after[144:].any()
     first.close()
     second.close()
 

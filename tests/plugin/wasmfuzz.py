@@ -13,10 +13,10 @@ from tests.plugin.wasmrun import WHY, Module
 
 #: the limiter holds the mix below 1; what fades after a reset comes on top
 LOUDEST = 2.0
-MOST_ENGINES, MOST_FRAMES, MOST_EVENTS, MOST_STATES = 3, 1024, 200, 4
+MOST_ENGINES, MOST_FRAMES, MOST_EVENTS = 3, 1024, 200
 _ODD = (math.nan, math.inf, -math.inf, 1e300, -1e300, 5e-324, -1.0, 0.0, 1.0, 440.0)
 _WILD = (-(2**31), -1, 0, 16, 127, 128, 10**6, 2**31 - 1)
-_OFTEN = {"block": 40, "midi": 12, "ask": 4, "load": 4, "reset": 2, "save": 2}
+_OFTEN = {"block": 40, "midi": 12, "ask": 4, "reset": 2}
 _GUARD = b"\xa5" * 64
 
 
@@ -26,8 +26,6 @@ class Report:
 
     events: int = 0
     blocks: int = 0
-    loads: int = 0
-    refused: int = 0
     peak: float = 0.0
     done: dict[str, int] = field(default_factory=dict)
 
@@ -43,7 +41,6 @@ class Fuzz:
         self._rates = rates_hz
         self._bank = made.open_bank(bank)
         self._engines: list[int] = []
-        self._states: list[bytes] = []
         self._waiting = np.zeros(0, EVENT)  # what a MIDI message has become
         self._events = made.room(EVENT.itemsize * 2 * MOST_EVENTS)
         self._sides = [made.room(8 * MOST_FRAMES + len(_GUARD)) for _ in range(2)]
@@ -160,36 +157,6 @@ class Fuzz:
         peak, *counts = np.frombuffer(self.module.read(report, 48), [("peak", "f8"), ("counts", "i8", 5)])[0]
         assert math.isfinite(peak) and (np.array(counts) >= 0).all()
         ask("jawari_free", report)
-
-    def do_save(self, engine: int) -> None:
-        made = self.module
-        room = made.call("jawari_most_saved", engine)
-        at = made.room(room)
-        size = made.call("jawari_save", engine, at, room)
-        assert 0 < size <= room
-        self._states = [*self._states[1 - MOST_STATES :], made.read(at, size)]
-        assert made.call("jawari_save", engine, at, size - 1) == -1
-        made.call("jawari_free", at)
-
-    def do_load(self, engine: int) -> None:
-        """Of any engine and rate; some are damaged."""
-        if not self._states:
-            return
-        made, rng = self.module, self.random
-        data = bytearray(rng.choice(self._states))
-        right = rng.random() < 0.6
-        if not right and rng.random() < 0.3:
-            data = data[: rng.randrange(len(data))]
-        elif not right:
-            data[rng.randrange(len(data))] ^= 1 << rng.randrange(8)
-        at = made.room(max(1, len(data)))
-        made.write(at, bytes(data))
-        taken = made.call("jawari_load", engine, at, len(data), made.why) == 0
-        assert taken <= right, "a damaged state was taken"
-        assert taken or len(made.text(made.why).split()) > 3
-        self.report.loads += taken
-        self.report.refused += not taken
-        made.call("jawari_free", at)
 
 
 def damaged(data: bytes, rng: random.Random) -> bytes:

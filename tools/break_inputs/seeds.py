@@ -12,8 +12,7 @@ import mido
 import numpy as np
 import soundfile
 
-from synth import Engine, load_preset, simulate
-from synth.midi.events import EVENT, NOTE_ON
+from synth import simulate
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
@@ -100,28 +99,6 @@ def recordings() -> tuple[bytes, ...]:
         soundfile.write(buffer, sound, 44100, format=container, subtype=subtype)
         files.append(buffer.getvalue())
     return tuple(files)
-
-
-@cache
-def engine() -> Engine:
-    """A tanpura that can be asked for two notes."""
-    made = Engine([load_preset("tanpura-light")], quality="draft", only_notes=[{43, 48}])
-    made.prepare(44100.0, 256)
-    return made
-
-
-@cache
-def states() -> tuple[bytes, ...]:
-    """States of `engine`: at rest, and with two strings sounding and events that wait."""
-    made = engine()
-    made.reset()
-    rest = made.get_state()
-    events = np.zeros(2, EVENT)
-    events["kind"], events["a"], events["b"] = NOTE_ON, (43, 48), (90, 60)
-    for _ in range(20):
-        made.process(events, np.zeros((256, 2)))
-        events = events[:0]
-    return rest, made.get_state()
 
 
 @cache

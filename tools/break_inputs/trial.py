@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import math
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,10 +17,9 @@ import numpy as np
 from break_inputs import seeds
 from break_inputs.damage import bytes_broken, text_broken
 from synth.cli import main
-from synth.midi.events import EVENT
 from synth.research.case import CaseError, load_case
 
-KINDS = ("midi", "preset", "scale", "keyboard", "case", "state", "audio", "result")
+KINDS = ("midi", "preset", "scale", "keyboard", "case", "audio", "result")
 THERE = b"what was there before"
 #: most mode-steps and arrays' rows of a broken case that are computed as they stand; more is asked for in a shorter run
 MOST_MODE_STEPS, MOST_ROWS = 2e8, 2e5
@@ -39,7 +37,6 @@ def whole(kind: str) -> tuple[bytes, ...]:
         "scale": seeds.scales,
         "keyboard": seeds.keyboards,
         "case": seeds.cases,
-        "state": seeds.states,
         "audio": seeds.recordings,
         "result": seeds.results,
     }[kind]()
@@ -64,8 +61,6 @@ def _drawn(kind: str, number: int, seed: int) -> tuple[np.random.Generator, int]
 
 def attempt(kind: str, data: bytes) -> str:
     """What came of it: "taken" or "refused". Raises Broke, or whatever the program let through."""
-    if kind == "state":
-        return _state(data)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         codes = [_command(folder, arguments, data) for arguments in _asked(kind, folder, data)]
@@ -160,20 +155,3 @@ def _command(folder: Path, arguments: Sequence[str], data: bytes) -> int:
 
 def _input(arguments: Sequence[str], folder: Path) -> str:
     return next(word for word in arguments if word.startswith(str(folder / "in.")))
-
-
-def _state(data: bytes) -> str:
-    engine, (rest, _) = seeds.engine(), seeds.states()
-    engine.set_state(rest)
-    try:
-        engine.set_state(data)
-    except ValueError:
-        if engine.get_state() != rest:
-            raise Broke("a state that was refused has changed the engine") from None
-        return "refused"
-    out = np.zeros((256, 2))
-    for _ in range(4):
-        engine.process(np.zeros(0, EVENT), out)
-        if not np.isfinite(out).all() or not math.isfinite(engine.report().peak):
-            raise Broke("the sound is not finite")
-    return "taken"

@@ -54,24 +54,15 @@ def _known(call: Any, *arguments: Any, **named: Any) -> Any:
 
 
 def _engine(scene: dict[str, Any]) -> Arrays:
-    """`out` (frames, 2) of an engine that is given the scene's events in blocks, `stems`, and what its report counts.
-
-    At the frames of `saved_at` its state is taken and given to another engine, which goes on.
-    """
+    """`out` (frames, 2) of an engine that is given the scene's events in blocks, `stems`, and what its report counts."""
     engine, rate_hz = prepared(scene), scene.get("rate_hz", 44100)
     events = events_of(scene["events"], rate_hz, engine)
-    frames, saved_at = round(scene["seconds"] * rate_hz), set(scene.get("saved_at", ()))
+    frames = round(scene["seconds"] * rate_hz)
     out, stems = np.zeros((frames, 2)), np.zeros((len(engine.parts), frames, 2))
     at = 0
     for size in cycle(scene.get("blocks", [256])):
         if at == frames:
             break
-        if any(saved <= at for saved in saved_at):
-            saved_at = {saved for saved in saved_at if saved > at}
-            state = engine.get_state()
-            engine.close()
-            engine = prepared(scene)
-            engine.set_state(state)
         end = min(frames, at + size)
         now = events[(events["frame"] >= at) & (events["frame"] < end)].copy()
         now["frame"] -= at

@@ -1,6 +1,6 @@
 """The scenes, as data: what `render` makes sound. Add where something new can sound; BASE says if it does not know it.
 
-kind "engine"    presets, options and arrays for Engine, rate_hz, seconds, blocks (sizes in turn), stems, saved_at [frames],
+kind "engine"    presets, options and arrays for Engine, rate_hz, seconds, blocks (sizes in turn), stems,
                  events: (seconds, kind, channel or part, a, b, value), see `render.KINDS`
 kind "command"   words of a command line, files and messages of the song that lie in {folder}
 kind "simulate"  a case by name or as tables, and the overrides of each of its runs
@@ -263,18 +263,6 @@ def _engines() -> list[Scene]:
                 options={"scheme": law, "restitution": 0.5, "internal_rate_hz": 44100 * 24, "only_notes": [[36]]},
             )
             for law in LAWS[1:]
-        ),
-        engine("saved", "jawari-harp", 0.25, piece, blocks=[64], saved_at=[3001, 7000]),
-        engine(
-            "saved-bass", "fretted-bass", 0.25, phrase(24, (28, 30, 33, 38), 10, 0.25), blocks=[100], saved_at=[500, 5000]
-        ),
-        engine(
-            "saved-tanpura-threads",
-            LIGHT,
-            0.25,
-            phrase(25, (36, 43, 48), 10, 0.25),
-            options={"threads": 2},
-            saved_at=[4000],
         ),
         engine("limiter-at-work", "jawari-harp", 0.2, hot, options={"gain_db": 24.0}),
         engine("limiter-off", "jawari-harp", 0.2, hot, options={"gain_db": 24.0, "limiter": False}),

@@ -35,15 +35,11 @@ struct bank_function {
 _Static_assert(sizeof(struct bank_header) == 336, "as bankfile.HEADER");
 _Static_assert(sizeof(struct bank_preset) == 432, "as bankfile.PRESET");
 _Static_assert(sizeof(struct bank_parameter) == 208, "as bankfile.PARAMETER");
-_Static_assert(sizeof(struct bank_rate) == 248 + 24 * PLACES, "as bankfile.RATE");
+_Static_assert(sizeof(struct bank_rate) == 168 + 24 * PLACES, "as bankfile.RATE");
 _Static_assert(sizeof(struct bank_relocation) == 24, "as addresses.RELOCATION");
 
-_Static_assert(sizeof(struct bank_limit) == 72, "as limits.LIMIT");
-_Static_assert(sizeof(struct bank_condition) == 24, "as limits.CONDITION");
-_Static_assert(sizeof(struct bank_name) == 40, "as limits.NAME");
-
 static const char MAGIC[8] = {'J', 'A', 'W', 'A', 'R', 'I', 'B', 'K'};
-enum { VERSION = 4, MOST_PRESETS = 128, MOST_PARAMETERS = 128 * 64, MOST_FUNCTIONS = 4096, MOST_RATES = 32 };
+enum { VERSION = 5, MOST_PRESETS = 128, MOST_PARAMETERS = 128 * 64, MOST_FUNCTIONS = 4096, MOST_RATES = 32 };
 /* larger than any bank: sums of two do not overflow */
 #define MOST_BYTES ((uint64_t)1 << 40)
 /* of an engine; that of the largest preset takes some megabytes */
@@ -110,10 +106,7 @@ static bool check_rate(const struct bank_header *h, const struct bank_rate *r, d
         return false;
     if (!fits(r->constants_at, r->constants, 1, r->size) || !fits(r->core_at, r->core_stored, 1, r->size) ||
         !fits(r->thread_at, r->thread_stored, 1, r->size) ||
-        !fits(r->relocations_at, r->relocations, sizeof(struct bank_relocation), r->size) ||
-        !fits(r->limits_at, r->limits, sizeof(struct bank_limit), r->size) ||
-        !fits(r->conditions_at, r->conditions, sizeof(struct bank_condition), r->size) ||
-        !fits(r->names_at, r->names, sizeof(struct bank_name), r->size))
+        !fits(r->relocations_at, r->relocations, sizeof(struct bank_relocation), r->size))
         return false;
     if (r->core_stored > r->core || r->core > MOST_MEMORY || r->thread_stored > r->thread || r->thread > MOST_MEMORY)
         return false;
@@ -289,7 +282,7 @@ static bool check_relocations(const jawari_bank *bank, const struct bank_rate *r
         if (!fits(x->word, 1, 8, room))
             return false;
         if (x->region == TO_CORE && x->word + 8 > r->sounding && x->word < r->sounding_end)
-            return false; /* states are written there */
+            return false; /* a reset writes there */
         const uint64_t most = x->to == TO_CONSTANT   ? r->constants
                               : x->to == TO_CORE     ? r->core
                               : x->to == TO_THREAD   ? r->thread
@@ -307,8 +300,7 @@ const struct bank_rate *bank_block(jawari_bank *bank, double rate_hz, char *why)
         if (!(fabs(r->rate_hz - rate_hz) < 0.5))
             continue;
         if (!atomic_load(&bank->sound[k])) {
-            if (crc32_of(0, bank->data + r->at, (size_t)r->size) != r->checksum || !check_relocations(bank, r) ||
-                !core_limits_fit(r, bank->data + r->at)) {
+            if (crc32_of(0, bank->data + r->at, (size_t)r->size) != r->checksum || !check_relocations(bank, r)) {
                 core_say(why, "the bank of %s was changed (the checksum for %g Hz is wrong); export it again", bank->name, rate_hz);
                 return NULL;
             }

@@ -216,21 +216,20 @@ void jawari_process_float(jawari_engine *engine, const jawari_event *events, int
     atomic_store(&engine->working, false);
 }
 
-void core_first(const struct bank_rate *r, const uint8_t *block, uint8_t *state) {
+/* Nothing sounds, everything is as when it was made; what fades goes on to. */
+static void begin_anew(jawari_engine *engine) {
+    const struct bank_rate *r = engine->rate;
     const uint64_t stored = r->core_stored < r->sounding       ? r->sounding
                             : r->core_stored > r->sounding_end ? r->sounding_end
                                                                : r->core_stored;
-    memcpy(state, block + r->core_at + r->sounding, (size_t)(stored - r->sounding));
-    memset(state + (stored - r->sounding), 0, (size_t)(r->sounding_end - stored));
-}
-
-void core_begin_anew(jawari_engine *engine) {
-    core_first(engine->rate, engine->block, engine->memory + engine->rate->sounding);
+    memcpy(engine->memory + r->sounding, engine->block + r->core_at + r->sounding, (size_t)(stored - r->sounding));
+    memset(engine->memory + stored, 0, (size_t)(r->sounding_end - stored));
     *core_word(engine, PLACE_UNTIL, 0) = 0;
     engine->quiet = 0;
 }
 
-void core_fade_out(jawari_engine *engine) {
+/* What sounds begins to fade; the next blocks add that to what they compute. */
+static void fade_out(jawari_engine *engine) {
     if (!engine->touched)
         return;
     /* what would have come, ever quieter; with what was fading already */
@@ -255,8 +254,8 @@ void core_fade_out(jawari_engine *engine) {
 }
 
 void jawari_reset(jawari_engine *engine) {
-    core_fade_out(engine);
-    core_begin_anew(engine);
+    fade_out(engine);
+    begin_anew(engine);
 }
 
 /* ---- looked at ---- */

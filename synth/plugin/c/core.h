@@ -100,12 +100,6 @@ enum {
     PLACES
 };
 
-/* a limiter that looks ahead, see bankfile's AHEAD; window 0: there is none */
-struct bank_ahead {
-    uint32_t delay, required, counters, frames, channels, window;
-    double ceiling;
-};
-
 struct bank_rate {
     double rate_hz;
     int64_t latency, tail, strings;
@@ -116,10 +110,6 @@ struct bank_rate {
     uint64_t relocations_at, relocations;
     uint64_t sounding, sounding_end;
     uint64_t thread_table, pitch;
-    uint64_t limits_at, limits;
-    uint64_t conditions_at, conditions;
-    uint64_t names_at, names;
-    struct bank_ahead ahead;
     struct bank_place places[PLACES];
 };
 
@@ -128,27 +118,6 @@ enum { TO_CONSTANT, TO_CORE, TO_THREAD, TO_FUNCTION };
 struct bank_relocation {
     uint64_t word, target;
     uint32_t region, to;
-};
-
-/* Of a state, words that must lie within bounds, where conditions are met; see limits.py. Places count from where a state
- * begins. */
-enum { LIMIT_NONE = 0xFFFFFFFFu };
-enum { LIMIT_INTEGER, LIMIT_NUMBER, LIMIT_BYTE, LIMIT_KINDS };
-struct bank_limit {
-    int64_t low, high;
-    uint32_t at, stride, count, counted, skip;
-    uint32_t above, above_stride, below, below_stride;
-    uint32_t condition, conditions;
-    uint32_t multiple, kind, name;
-};
-
-struct bank_condition {
-    int64_t low, high;
-    uint32_t at, stride;
-};
-
-struct bank_name {
-    char name[40];
 };
 
 struct jawari_bank {
@@ -175,13 +144,6 @@ jawari_bank *bank_own(jawari_bank *(*open)(char *why), char *why);
 const char *bank_own_file(void);
 /* The record of a rate whose block can be used; NULL with `why`. */
 const struct bank_rate *bank_block(jawari_bank *bank, double rate_hz, char *why);
-
-/* ---- limits of a state (core_check.c) ---- */
-
-/* Whether the limits of a block look at nothing but what a state holds. */
-bool core_limits_fit(const struct bank_rate *r, const uint8_t *block);
-/* Whether an engine can go on from a state, all that sounds, of this rate; false with what is wrong. */
-bool core_within_limits(const struct bank_rate *r, const uint8_t *block, const uint8_t *state, char *why);
 
 /* ---- an engine (core.c) ---- */
 
@@ -219,13 +181,6 @@ static inline int64_t *core_word(const jawari_engine *engine, int place, uint64_
     const struct bank_place *p = &engine->rate->places[place];
     return (int64_t *)(void *)(engine->memory + p->at + k * p->stride);
 }
-
-/* Nothing sounds, everything is as when it was made; what fades goes on to. */
-void core_begin_anew(jawari_engine *engine);
-/* All that sounds as it is before anything does. */
-void core_first(const struct bank_rate *r, const uint8_t *block, uint8_t *state);
-/* What sounds begins to fade; the next blocks add that to what they compute. */
-void core_fade_out(jawari_engine *engine);
 
 /* ---- threads (core_threads.c) ---- */
 

@@ -50,7 +50,7 @@ JAWARI_API const char *jawari_processor(char *why);
 /* The bank in a file: a file of its own, or one that stands behind the end of a library or plugin.
  *
  * A bank is to be trusted like code. Its checksums find damage, not forgery: a bank that somebody has made with right checksums
- * can end the program. Open banks only from where your own program keeps them. States are checked number by number. */
+ * can end the program. Open banks only from where your own program keeps them. */
 JAWARI_API jawari_bank *jawari_open(const char *path, char *why);
 
 /* The bank in bytes that the caller keeps as they are, on a border of 64, until it is closed. */
@@ -205,31 +205,6 @@ typedef struct jawari_report {
     int64_t silenced;          /* strings whose motion had blown up */
 } jawari_report;
 JAWARI_API void jawari_report_of(const jawari_engine *engine, jawari_report *report); /* [audio] */
-
-/* ---- what sounds, kept --------------------------------------------------------------------------------------------- */
-
-/* Bytes that jawari_save may need. */
-JAWARI_API size_t jawari_most_saved(const jawari_engine *engine);
-/* All that sounds, into `room` bytes; how many it takes, −1 where it does not fit. An engine of the same bank, rate and library
- * goes on from there bit for bit. [audio] */
-JAWARI_API int64_t jawari_save(const jawari_engine *engine, void *data, size_t room);
-
-typedef struct jawari_sound jawari_sound;
-
-/* What was saved, read and looked at: an engine can go on from it. It keeps the bank, and is to be forgotten. NULL where the
- * bytes were changed or cut off, hold a number that no engine of this bank can go on from, even where their checksum is right,
- * or come from elsewhere (*elsewhere is 1 then, else 0): another bank, another version, a rate that this bank does not have. */
-JAWARI_API jawari_sound *jawari_read(jawari_bank *bank, const void *data, size_t size, int32_t *elsewhere, char *why);
-/* The sample rate of what was saved [Hz]; 0: the bytes are none. */
-JAWARI_API double jawari_saved_rate(const void *data, size_t size);
-/* NULL is nothing. */
-JAWARI_API void jawari_forget(jawari_sound *sound);
-/* Go on from there; 0, or −1 and nothing changed where it comes from another bank or rate. Where nothing sounded, what comes is
- * bit for bit what would have come then. What sounded is faded as by jawari_reset: for 3 ms that comes on top, then it is the
- * same bits. [audio] */
-JAWARI_API int32_t jawari_take_up(jawari_engine *engine, const jawari_sound *sound);
-/* All of this at once; 0, or −1 and the engine goes on from where it was. Not beside [audio], nor on its thread. */
-JAWARI_API int32_t jawari_load(jawari_engine *engine, const void *data, size_t size, char *why);
 
 /* ---- threads of the host ------------------------------------------------------------------------------------------- */
 

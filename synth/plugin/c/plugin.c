@@ -157,29 +157,10 @@ plugin *plugin_new(char *why) {
     return p;
 }
 
-void plugin_message_free(plugin_message *m) {
-    if (!m)
-        return;
-    jawari_forget(m->read);
-    free(m->sound.sent);
-    free(m->sound.bytes);
-    free(m);
-}
-
-void plugin_sweep(plugin *p) {
-    for (plugin_message *m = atomic_exchange(&p->spent, NULL); m;) {
-        plugin_message *next = m->next;
-        plugin_message_free(m);
-        m = next;
-    }
-}
-
 void plugin_free(plugin *p) {
     if (!p)
         return;
     plugin_deactivate(p);
-    plugin_sweep(p);
-    plugin_message_free(atomic_exchange(&p->incoming, NULL));
     plugin_rebuild_free(p);
     jawari_close(p->bank);
     free(p->parameters);
@@ -262,7 +243,6 @@ bool plugin_activate(plugin *p, double rate_hz, int32_t threads, bool host_threa
     if (!engine)
         return false;
     system_lock(&p->guard);
-    plugin_sweep(p);
     p->engine = engine;
     p->threads = jawari_threads(engine);
     p->latency = jawari_latency(engine);
@@ -281,12 +261,8 @@ bool plugin_activate(plugin *p, double rate_hz, int32_t threads, bool host_threa
 
 void plugin_deactivate(plugin *p) {
     plugin_rebuild_end(p);
-    system_lock(&p->guard);
-    jawari_engine *engine = p->engine;
-    p->engine = NULL;
+    jawari_destroy(atomic_exchange(&p->engine, NULL));
     p->threads = 1;
-    system_unlock(&p->guard);
-    jawari_destroy(engine);
 }
 
 bool plugin_active(const plugin *p) { return p->engine != NULL; }

@@ -76,14 +76,13 @@ double plugin_at(const plugin_parameter *q, double position);
 /* Set outside of a block (a flush, a generic editor): heard from the start of the next block on. [any] */
 void plugin_set(plugin *p, uint32_t k, double value);
 
-/* The state: values of all parameters by id, and what sounds if it is active. Allocated with malloc, to be freed by the caller;
- * NULL: no memory. May be called beside [audio]. */
-void *plugin_save(plugin *p, size_t *size);
-/* Taken over at the start of the next block; what sounds then fades within 3 ms. Values that this plugin does not have are passed
- * over, those that the state does not have get their initial value, and so does the program where another plugin saved it, which
- * numbers other presets. What sounds is left out where it comes from another bank, rate or version. False, with `why` and nothing
- * changed, for what is no state or holds what no engine can go on from, and for that of another plugin which has no value for any
- * preset of this one. May be called beside [audio]. */
+/* The state: values of all parameters by id. Allocated with malloc, to be freed by the caller; NULL: no memory. May be called
+ * beside [audio]. */
+void *plugin_save(const plugin *p, size_t *size);
+/* Taken over at the start of the next block, as by plugin_reset: what sounds fades within 3 ms. Values that this plugin does not
+ * have are passed over, those that the state does not have get their initial value, and so does the program where another plugin
+ * saved it, which numbers other presets. False, with `why` and nothing changed, for what is no state, and for that of another
+ * plugin which has no value for any preset of this one. May be called beside [audio]. */
 bool plugin_load(plugin *p, const void *data, size_t size, char *why);
 
 /* ---- audio thread ---- */

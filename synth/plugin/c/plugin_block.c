@@ -26,58 +26,27 @@ void plugin_begin_anew(plugin *p, int64_t quiet) {
     plugin_drone_begin(p);
 }
 
-void plugin_copy_sound(const plugin *p, plugin_sound *sound) {
-    memcpy(sound->sent, p->sent, p->count * sizeof *p->sent);
-    sound->pitches = p->pitches;
-    sound->drone = p->drone.place;
-    sound->has_drone = p->drone.score != NULL;
-    sound->size = jawari_save(p->engine, sound->bytes, sound->room);
-}
-
-static void take_over(plugin *p, plugin_message *m) {
-    const plugin_sound *sound = &m->sound;
-    if (jawari_take_up(p->engine, m->read) == 0) {
-        double bypass = p->sent[p->bypass];
-        memcpy(p->sent, sound->sent, p->count * sizeof *p->sent);
-        p->sent[p->bypass] = bypass;
-        p->pitches = sound->pitches;
-        plugin_drone_take(p, sound->has_drone ? &sound->drone : NULL);
-        p->quiet = 0;
-    }
-    m->next = atomic_load(&p->spent);
-    while (!atomic_compare_exchange_weak(&p->spent, &m->next, m)) {
-    }
-}
-
-static void begin_turn(plugin *p) {
-    p->in_block = true;
-    atomic_fetch_add(&p->turn, 1);
+/* A state was loaded. What the bypass is set to is told as any other value: it fades. */
+static void take_over(plugin *p) {
+    const double bypass = p->sent[p->bypass], gain = p->gain;
+    const bool bypassed = p->bypassed;
+    jawari_reset(p->engine);
+    plugin_begin_anew(p, 0);
+    p->sent[p->bypass] = bypass;
+    p->bypassed = bypassed;
+    p->gain = gain;
 }
 
 /* The block begins with the first thing that is said of it. */
 static void begin(plugin *p) {
     if (p->in_block)
         return;
-    begin_turn(p);
-    if (!p->engine || !plugin_rebuild_take(p))
+    p->in_block = true;
+    if (!p->engine)
         return;
-    if (atomic_load_explicit(&p->incoming, memory_order_relaxed)) {
-        plugin_message *m = atomic_exchange(&p->incoming, NULL);
-        if (m)
-            take_over(p, m);
-    }
-}
-
-static void end(plugin *p) {
-    if (atomic_load_explicit(&p->request, memory_order_relaxed)) {
-        plugin_request *r = atomic_exchange(&p->request, NULL);
-        if (r) {
-            plugin_copy_sound(p, r->sound);
-            atomic_store(&r->done, 1);
-        }
-    }
-    p->in_block = false;
-    atomic_fetch_add(&p->turn, 1);
+    if (atomic_load_explicit(&p->loaded, memory_order_relaxed) && atomic_exchange(&p->loaded, false))
+        take_over(p);
+    plugin_rebuild_take(p);
 }
 
 static void put(plugin *p, const jawari_event *event) {
@@ -330,7 +299,7 @@ void plugin_process(plugin *p, int32_t frames, float *const left_right[2], doubl
                 memset(narrow[side], 0, (size_t)frames * sizeof(float));
         p->gathered = 0;
         p->disordered = p->lost = p->late = false;
-        end(p);
+        p->in_block = false;
         return;
     }
     if (p->disordered)
@@ -363,23 +332,21 @@ void plugin_process(plugin *p, int32_t frames, float *const left_right[2], doubl
     p->owed = dropped(p) > before;
     p->gathered = 0;
     p->lost = p->late = false;
-    end(p);
+    p->in_block = false;
 }
 
 void plugin_reset(plugin *p) {
     if (!p->engine)
         return;
-    if (!p->in_block)
-        begin_turn(p); /* a state that waits is what sounds after the reset: it is not taken over yet */
     jawari_reset(p->engine);
     plugin_begin_anew(p, 0);
-    end(p);
+    p->in_block = false;
 }
 
 bool plugin_silent(const plugin *p) {
     if (!p->engine)
         return true;
-    if (p->gathered || p->owed || plugin_drone_waits(p) || p->quiet < p->latency + QUIET_FRAMES || atomic_load_explicit(&p->incoming, memory_order_relaxed))
+    if (p->gathered || p->owed || plugin_drone_waits(p) || p->quiet < p->latency + QUIET_FRAMES || atomic_load_explicit(&p->loaded, memory_order_relaxed))
         return false;
     for (uint32_t k = 0; k < p->count; k++)
         if (plugin_value(p, k) != p->sent[k] && !plugin_is_setup(p, k))

@@ -25,8 +25,6 @@
 #define MOST_WHOLE ((int64_t)1 << 52)
 enum { STROKE_EVENTS = 7, MOST_STROKES = 512, MOST_TURNS = 256 };
 
-_Static_assert(sizeof(drone_place) % 8 == 0, "words");
-
 static int64_t whole(double x) {
     const double most = (double)MOST_WHOLE;
     return !(x > -most) ? -MOST_WHOLE : x < most ? llrint(x) : MOST_WHOLE;
@@ -291,31 +289,6 @@ void plugin_drone_begin(plugin *p) {
     d->told_tempo = m->tempo;
 }
 
-void plugin_drone_take(plugin *p, const drone_place *saved) {
-    plugin_drone *d = &p->drone;
-    if (!d->score)
-        return;
-    if (!saved) {
-        plugin_drone_begin(p);
-        return;
-    }
-    d->was_playing = d->place.playing != 0;
-    d->was_tempo = d->place.tempo;
-    d->was_beat = d->was_playing ? beat_at(d, d->place.now) : (double)NAN;
-    d->taken = true;
-    d->place = *saved;
-}
-
-/* The host is not as it was when the state was saved, and may have said so long ago. */
-static void see_host(plugin *p, const jawari_event *events, int32_t count) {
-    plugin_drone *d = &p->drone;
-    bool says = false;
-    for (int32_t i = 0; i < count && events[i].frame <= 0; i++)
-        says = says || events[i].kind == PLUGIN_PLACE;
-    if (!says)
-        host_is(p, d->begin, d->was_playing, d->was_tempo, d->was_beat);
-}
-
 void plugin_transport(plugin *p, int64_t frame, bool playing, double beat, double tempo) {
     if (!p->drone.score || !p->engine)
         return;
@@ -330,10 +303,6 @@ int32_t plugin_drone_play(plugin *p, const jawari_event *events, int32_t count, 
     drone_place *m = &d->place;
     d->begin = d->at = m->now;
     d->count = d->strokes = 0;
-    if (d->taken) {
-        d->taken = false;
-        see_host(p, events, count);
-    }
     if (m->fresh) {
         m->fresh = 0;
         follow(p, d->begin, &(before){0}, true);
@@ -374,35 +343,4 @@ int32_t plugin_drone_play(plugin *p, const jawari_event *events, int32_t count, 
 bool plugin_drone_waits(const plugin *p) {
     const drone_place *m = &p->drone.place;
     return p->drone.score && (m->running || m->turn >= 0 || m->value[DRONE_MODE] != (double)DRONE_OFF);
-}
-
-/* ---- states ---- */
-
-static bool between(double low, double x, double high) { return low <= x && x <= high; }
-
-bool plugin_drone_place(const plugin *p, const uint64_t words[DRONE_WORDS], drone_place *m) {
-    const plugin_drone *d = &p->drone;
-    memcpy(m, words, sizeof *m);
-    for (uint32_t k = 0; k < DRONE_PARAMETERS; k++) {
-        const plugin_parameter *q = &p->parameters[d->first + k];
-        if (!between(q->minimum, m->value[k], q->maximum))
-            return false;
-    }
-    const plugin_parameter *tonic = &p->parameters[d->first + DRONE_TONIC];
-    const double most = (double)MOST_WHOLE;
-    bool fits = isfinite(m->position) && isfinite(m->width) && between(tonic->minimum, m->tonic, tonic->maximum);
-    fits = fits && (isnan(m->tempo) || between(LEAST_TEMPO, m->tempo, MOST_TEMPO));
-    fits = fits && (isnan(m->beat) || between(-FARTHEST_BEAT, m->beat, FARTHEST_BEAT));
-    fits = fits && between(-most, m->anchor_s, most) && between(-most, m->anchor, most);
-    const int64_t frames[] = {m->now, m->origin, m->beat_at, m->turn + 1};
-    for (size_t k = 0; k < sizeof frames / sizeof *frames; k++)
-        fits = fits && frames[k] >= 0 && frames[k] <= MOST_WHOLE;
-    fits = fits && m->now < MOST_WHOLE / 2 && m->next > -MOST_WHOLE && m->next < MOST_WHOLE && m->held >= -1 && m->held < 128;
-    fits = fits && (!m->locked || (isfinite(m->tempo) && isfinite(m->beat) && m->value[DRONE_PACE] > 0.0));
-    m->playing = m->playing != 0;
-    m->running = m->running != 0;
-    m->locked = m->locked != 0;
-    m->plucked = m->plucked != 0;
-    m->fresh = m->fresh != 0;
-    return fits;
 }

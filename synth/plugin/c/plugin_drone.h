@@ -4,7 +4,7 @@
 
 #include "drone_score.h"
 
-/* Where it is; words of eight bytes, as a state keeps them. Frames count from when the instance was switched on. */
+/* Where it is. Frames count from when the instance was switched on. */
 typedef struct drone_place {
     double value[DRONE_PARAMETERS]; /* that it has been told */
     double position, width;         /* the part's, from which a stroke strays */
@@ -24,8 +24,6 @@ typedef struct drone_place {
     int64_t fresh;           /* 1: it is to see how things are before anything else */
 } drone_place;
 
-enum { DRONE_WORDS = sizeof(drone_place) / 8 };
-
 typedef struct plugin_drone {
     const struct drone_score *score; /* NULL: there is none */
     uint32_t first;                  /* number of its first parameter */
@@ -35,9 +33,6 @@ typedef struct plugin_drone {
     int32_t room, count, strokes;
     int64_t begin, at; /* frames: of the block, and that it is at */
     double told_tempo; /* that comes with the next place */
-    bool taken;        /* the place is a state's, and the host, as the instance knew it, was so: */
-    bool was_playing;
-    double was_tempo, was_beat;
 } plugin_drone;
 
 #endif

@@ -99,7 +99,7 @@ static void finish(plugin *p, work *w, bool late) {
 
 /* A wish that is another one than what it works at: that is given up, and a moment later the new one begun. */
 static void look(plugin *p, work *w) {
-    plugin_wish *next = plugin_wish_of(p, p->rebuild->rate_hz, NULL);
+    plugin_wish *next = plugin_wish_of(p, p->rebuild->rate_hz);
     if (!next)
         return;
     if (w->aim && strcmp(next->key, w->aim->key) == 0) {

@@ -1,8 +1,7 @@
 /* plugin_private.h: an instance from the inside, for the files plugin*.c.
  *
- * Who may touch what: `values` is atomic and belongs to all. What stands under "audio thread" is changed only between
- * plugin_begin and plugin_end, while `turn` is odd: who copies it beside the audio thread looks at `turn` before and
- * after, and copies again where it has changed. All else is guarded by `guard`, which the audio thread never takes.
+ * Who may touch what: what is atomic belongs to all, what stands under "audio thread" to that one. All else is guarded by `guard`,
+ * which the audio thread never takes.
  */
 #ifndef JAWARI_PLUGIN_PRIVATE_H
 #define JAWARI_PLUGIN_PRIVATE_H
@@ -32,30 +31,6 @@ typedef struct plugin_pitches {
     uint8_t bent[PLUGIN_KEYS]; /* 1: a note is off this pitch, to be taken back before the next one */
 } plugin_pitches;
 
-/* What sounds, in bytes of the engine, and what goes with it. */
-typedef struct plugin_sound {
-    double *sent; /* as in `plugin` */
-    plugin_pitches pitches;
-    drone_place drone;
-    bool has_drone;
-    uint8_t *bytes;
-    size_t room;
-    int64_t size; /* −1: it could not be had */
-} plugin_sound;
-
-/* A state on its way to the audio thread, and back to be freed. */
-typedef struct plugin_message {
-    struct plugin_message *next;
-    plugin_sound sound;
-    jawari_sound *read; /* the bytes of `sound`, as the engine takes them up; NULL: nothing sounds in it */
-} plugin_message;
-
-/* A copy of what sounds that the audio thread is asked for. */
-typedef struct plugin_request {
-    plugin_sound *sound;
-    atomic_int done;
-} plugin_request;
-
 typedef struct plugin_target {
     int32_t part, index; /* of a preset's parameter */
 } plugin_target;
@@ -77,10 +52,7 @@ struct plugin {
     int32_t latency; /* −1: not known yet */
     _Atomic int64_t tail;
 
-    _Atomic(plugin_message *) incoming; /* to be taken over by the audio thread */
-    _Atomic(plugin_message *) spent;    /* taken over: a list to be freed by others */
-    _Atomic(plugin_request *) request;
-    atomic_uint turn;
+    atomic_bool loaded; /* a state: what sounds is to fade, and all values to be told anew */
 
     /* audio thread */
     bool in_block;
@@ -107,15 +79,10 @@ double plugin_kept(const plugin_parameter *q, double value);
 void plugin_store(plugin *p, uint32_t k, double value);
 /* Number of the parameter with this id, −1. */
 int64_t plugin_named(const plugin *p, const char *id, size_t length);
-/* Free what the audio thread is done with. Guarded. */
-void plugin_sweep(plugin *p);
-void plugin_message_free(plugin_message *m);
 /* As long as a UTF-8 text fits, in whole characters. */
 void plugin_copy_text(char *to, size_t room, const char *from);
 
 /* ---- audio thread ---- */
-/* All that sounds as of now. */
-void plugin_copy_sound(const plugin *p, plugin_sound *sound);
 /* How the block's side begins: silence, nothing told. */
 void plugin_begin_anew(plugin *p, int64_t quiet);
 /* Gather an event as it is. */
@@ -126,13 +93,9 @@ void plugin_put(plugin *p, const jawari_event *event);
 int32_t plugin_drone_room(int32_t events);
 /* As when the instance was made, but for what it knows of the host. */
 void plugin_drone_begin(plugin *p);
-/* On from a place of a state; NULL: it has none. */
-void plugin_drone_take(plugin *p, const drone_place *saved);
 /* The block's events, in order, with those that it plays itself: into `drone.events`; how many there are. */
 int32_t plugin_drone_play(plugin *p, const jawari_event *events, int32_t count, int32_t frames);
 /* Whether something may come of it by itself. */
 bool plugin_drone_waits(const plugin *p);
-/* A place from a state; false: it cannot be. [any] */
-bool plugin_drone_place(const plugin *p, const uint64_t words[DRONE_WORDS], drone_place *m);
 
 #endif

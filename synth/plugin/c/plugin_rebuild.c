@@ -65,14 +65,6 @@ static jawari_bank *bank_of(const plugin *p, const char *key, char *why) {
     return bank;
 }
 
-jawari_bank *plugin_rebuild_bank(const plugin *p, double rate_hz, const double *values) {
-    char why[JAWARI_WHY];
-    plugin_wish *w = p->rebuild->there ? plugin_wish_of(p, rate_hz, values) : NULL;
-    jawari_bank *bank = w && *w->key ? bank_of(p, w->key, why) : NULL;
-    free(w);
-    return bank;
-}
-
 /* Of a bank by its key; NULL with `why`. */
 static jawari_engine *engine_of(const plugin *p, const char *key, char *why) {
     const plugin_rebuild *r = p->rebuild;
@@ -100,12 +92,7 @@ static void free_plugin_handovers(plugin_handover *h) {
     }
 }
 
-/* Engines that the audio thread is done with. What is saved at this moment may be looking at one: so with the plugin's guard. */
-void plugin_sweep_engines(plugin *p) {
-    system_lock(&p->guard);
-    free_plugin_handovers(atomic_exchange(&p->rebuild->gone, NULL));
-    system_unlock(&p->guard);
-}
+void plugin_sweep_engines(const plugin *p) { free_plugin_handovers(atomic_exchange(&p->rebuild->gone, NULL)); }
 
 /* Hands an engine of a wish to the audio thread, if there is a bank of it; false with `why`. With r->guard. */
 bool plugin_go_over(plugin *p, const plugin_wish *w, char *why) {
@@ -162,7 +149,7 @@ jawari_engine *plugin_rebuild_create(plugin *p, double rate_hz, int32_t threads,
     r->threads = threads;
     r->host_threads = host_threads;
     r->fade_frames = (int32_t)ceil(FADE_S * rate_hz);
-    plugin_wish *w = plugin_wish_of(p, rate_hz, NULL);
+    plugin_wish *w = plugin_wish_of(p, rate_hz);
     char missing[JAWARI_WHY];
     const bool other = w && r->there && *w->key;
     if (other)
@@ -196,17 +183,15 @@ void plugin_rebuild_end(plugin *p) {
         system_thread_join(&r->thread);
         r->running = false;
     }
-    system_lock(&p->guard);
     free_plugin_handovers(atomic_exchange(&r->arriving, NULL));
     free_plugin_handovers(atomic_exchange(&r->gone, NULL));
     free_plugin_handovers(r->leaving);
     r->leaving = NULL;
-    system_unlock(&p->guard);
 }
 
 void plugin_rebuild_loaded(plugin *p) {
     plugin_rebuild *r = p->rebuild;
-    plugin_wish *w = plugin_wish_of(p, r->rate_hz, NULL);
+    plugin_wish *w = plugin_wish_of(p, r->rate_hz);
     if (!w)
         return;
     char why[JAWARI_WHY];
@@ -268,17 +253,17 @@ static void push(_Atomic(plugin_handover *) *list, plugin_handover *h) {
     }
 }
 
-bool plugin_rebuild_take(plugin *p) {
+void plugin_rebuild_take(plugin *p) {
     plugin_rebuild *r = p->rebuild;
     if (!atomic_load_explicit(&r->arriving, memory_order_relaxed))
-        return true;
+        return;
     const bool waiting = jawari_waiting(p->engine);
     if (r->leaving || (waiting && ++r->waited < MOST_WAITED))
-        return false;
+        return;
     r->waited = 0;
     plugin_handover *h = atomic_exchange(&r->arriving, NULL);
     if (!h)
-        return true;
+        return;
     jawari_engine *before = p->engine;
     jawari_follow(h->engine, before);
     for (uint32_t k = 0; waiting && k < p->of_presets; k++)
@@ -291,7 +276,6 @@ bool plugin_rebuild_take(plugin *p) {
     r->leaving = h;
     r->faded = 0;
     p->quiet = 0;
-    return true;
 }
 
 void plugin_rebuild_mix(plugin *p, int32_t frames, float *const narrow[2], double *const wide[2]) {

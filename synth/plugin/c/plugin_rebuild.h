@@ -24,12 +24,8 @@ jawari_engine *plugin_rebuild_create(plugin *p, double rate_hz, int32_t threads,
 void plugin_rebuild_begin(plugin *p);
 void plugin_rebuild_end(plugin *p);
 
-/* The values of a state were taken over: goes over to their bank now, where it is in the cache, so that what sounds in the state
- * can be taken up. */
+/* The values of a state were taken over: goes over to their bank now, where it is in the cache. */
 void plugin_rebuild_loaded(plugin *p);
-
-/* The bank that values of all parameters wish for at a rate, where that is not the plugin's own and is there. To be closed. */
-jawari_bank *plugin_rebuild_bank(const plugin *p, double rate_hz, const double *values);
 
 /* As plugin_text, of a number of the setup: with what keeps it from being played. */
 void plugin_rebuild_text(const plugin *p, uint32_t k, double value, char *text, size_t room);
@@ -41,9 +37,9 @@ void plugin_rebuild_wish(plugin *p);
 
 /* ---- audio thread ---- */
 
-/* Goes over to an engine that has arrived, at the start of a block; false: one waits until this one has no event on its way, or
- * until what sounded before has faded. */
-bool plugin_rebuild_take(plugin *p);
+/* Goes over to an engine that has arrived, at the start of a block, once this one has no event on its way and what sounded before
+ * has faded. */
+void plugin_rebuild_take(plugin *p);
 /* Adds what fades. */
 void plugin_rebuild_mix(plugin *p, int32_t frames, float *const narrow[2], double *const wide[2]);
 
@@ -114,7 +110,7 @@ struct plugin_rebuild {
     atomic_bool ending;
     _Atomic uint64_t *played; /* bits of the values that are played */
 
-    system_guard guard; /* taken before that of the plugin */
+    system_guard guard;
     char key[SETUP_KEY];         /* of the engine that plays, or was handed over */
     int state;
     char why[JAWARI_WHY], remark[JAWARI_WHY]; /* remark: not yet said; empty */
@@ -128,14 +124,14 @@ struct plugin_rebuild {
     double mix[2][SETUP_CHUNK];
 };
 
-/* What is wished at a rate by values, of all parameters; NULL: those of now. To be freed; NULL: there is no memory. */
-plugin_wish *plugin_wish_of(const plugin *p, double rate_hz, const double *values);
+/* What is wished at a rate. To be freed; NULL: there is no memory. */
+plugin_wish *plugin_wish_of(const plugin *p, double rate_hz);
 /* Whether two values are one to six significant digits, which is how they are asked for. */
 bool plugin_same_number(double a, double b);
 /* Hands an engine of a wish to the audio thread, if there is a bank of it; false with `why`. With the guard of `rebuild`. */
 bool plugin_go_over(plugin *p, const plugin_wish *w, char *why);
 /* Engines that the audio thread is done with go. */
-void plugin_sweep_engines(plugin *p);
+void plugin_sweep_engines(const plugin *p);
 
 /* ---- who makes banks (plugin_maker.c; plugin_alone.c: nobody) ---- */
 

@@ -20,7 +20,7 @@ static uint64_t hashed(uint64_t hash, const char *text) {
     return hash;
 }
 
-plugin_wish *plugin_wish_of(const plugin *p, double rate_hz, const double *values) {
+plugin_wish *plugin_wish_of(const plugin *p, double rate_hz) {
     enum { LINE = 224 };
     plugin_wish *w = calloc(1, sizeof *w + p->setups * (sizeof(double) + sizeof(char *) + LINE));
     if (!w)
@@ -34,7 +34,7 @@ plugin_wish *plugin_wish_of(const plugin *p, double rate_hz, const double *value
         hash[h] = hashed(hash[h], jawari_kernels_version());
     for (uint32_t j = 0; j < p->setups; j++) {
         const plugin_parameter *q = &p->parameters[p->of_presets + j];
-        w->values[j] = values ? values[p->of_presets + j] : plugin_value(p, p->of_presets + j);
+        w->values[j] = plugin_value(p, p->of_presets + j);
         if (plugin_same_number(w->values[j], q->initial))
             continue;
         plugin_write_number(text, sizeof text, w->values[j]);

@@ -69,7 +69,6 @@ void system_thread_join(system_thread *thread);
 int32_t system_processors(void);
 /* Another thread may have this processor. */
 void system_yield(void);
-void system_sleep_us(int64_t us);
 
 /* What wakes workers: each token that is sent lets one of them, which sleep as they receive, go on. */
 typedef struct system_tokens {

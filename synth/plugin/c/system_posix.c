@@ -74,10 +74,6 @@ void system_thread_join(system_thread *thread) {
 
 void system_yield(void) { sched_yield(); }
 
-void system_sleep_us(int64_t us) {
-    nanosleep(&(struct timespec){(time_t)(us / 1000000), (long)(us % 1000000) * 1000}, NULL);
-}
-
 bool system_tokens_send(system_tokens tokens) {
     const uint64_t one = 1;
     return write(tokens.send, &one, sizeof one) == (ssize_t)sizeof one;

@@ -39,7 +39,6 @@ void system_thread_join(system_thread *thread) { (void)thread; }
 
 int32_t system_processors(void) { return 1; }
 void system_yield(void) {}
-void system_sleep_us(int64_t us) { (void)us; }
 
 system_tokens system_tokens_new(void) { return (system_tokens){-1, -1}; }
 void system_tokens_free(system_tokens tokens) { (void)tokens; }

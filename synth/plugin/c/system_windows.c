@@ -79,8 +79,6 @@ static void sleep_for(int64_t hundred_ns) {
         CloseHandle(timer);
 }
 
-void system_sleep_us(int64_t us) { sleep_for(10 * us); }
-
 /* ---- tokens: a semaphore, whose handle has no more than 32 bits that count ---- */
 
 static HANDLE handle_of(int32_t token) { return (HANDLE)(intptr_t)token; }
