@@ -1,4 +1,4 @@
-"""Studies that are killed: workers, the process that holds the scheduler, a scheduler of its own."""
+"""Studies that are killed: workers, the process that began them, a scheduler."""
 
 from __future__ import annotations
 
@@ -78,8 +78,8 @@ def stored(folder: Path) -> int:
 
 
 def local(folder: Path, rows: int, seconds: float, rounds: int, patience_s: float = 600.0) -> dict[str, Any]:
-    """A LocalCluster of 2 workers: both killed `rounds` times, then the process that holds the scheduler, once; against a
-    run that nobody disturbs. Returns what happened."""
+    """2 workers of this machine: both killed `rounds` times, then the process that began them, once; against a run that
+    nobody disturbs. Returns what happened."""
     study = folder / "naps.toml"
     study.write_text(study_text(rows, seconds))
     calm = sweep(study, folder / "calm", "--workers", "2")
@@ -105,7 +105,7 @@ def local(folder: Path, rows: int, seconds: float, rounds: int, patience_s: floa
     assert again.wait() == 0
     said = json.loads((wild / "study.json").read_text())
     return {
-        "workers killed": killed, "scheduler killed": there, "rows there when it was": before, "rows": rows,
+        "workers killed": killed, "process killed": there, "rows there when it was": before, "rows": rows,
         "computed after it": said["computed"], "workers left behind": len(left),
         "equal": digest(folder / "calm") == digest(wild),
     }  # fmt: skip
