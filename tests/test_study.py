@@ -416,7 +416,7 @@ def test_rows_that_were_killed_along_are_no_failures(place: Path, tmp_path: Path
                 return [(ticket, Killed()) for ticket, _ in flying]
             return super().wait(timeout_s)
 
-    monkeypatch.setattr(clusters, "crew_of", lambda head, workers, scheduler: Mortal(clusters.Rows, head))
+    monkeypatch.setattr(clusters, "crew_of", lambda head, workers, scheduler: Mortal(clusters.RowMaker, head))
     study = called("nap", list(range(5)), base={"set": {"seconds": 0.0}})
     table = sweeping.sweep(study, tmp_path / "s", workers=1)
     assert table["x"][table["failure"].notna()].tolist() == [2, 4]

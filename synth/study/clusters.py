@@ -64,7 +64,7 @@ def _reference(head: Any, job: Any) -> Any:
     return running.run_reference(head, job["settings"], job["source"])
 
 
-class Rows:
+class RowMaker:
     """What computes batches in a process, with the references that it has read last."""
 
     def __init__(self, head: dict[str, Any]) -> None:
@@ -222,7 +222,7 @@ def crew_of(head: dict[str, Any], workers: int, scheduler: Remote | None) -> Cre
     if scheduler is not None:
         return Dask(head, scheduler)
     if workers == 0:
-        return Here(Rows, head)
+        return Here(RowMaker, head)
     from distributed.system import MEMORY_LIMIT
 
-    return WorkerPool(workers, Rows, head, most_bytes=_MEMORY * MEMORY_LIMIT / workers)
+    return WorkerPool(workers, RowMaker, head, most_bytes=_MEMORY * MEMORY_LIMIT / workers)

@@ -105,7 +105,7 @@ def local(folder: Path, rows: int, seconds: float, rounds: int, patience_s: floa
     assert again.wait() == 0
     said = json.loads((wild / "study.json").read_text())
     return {
-        "workers killed": killed, "process killed": there, "rows there when it was": before, "rows": rows,
+        "workers killed": killed, "scheduler killed": there, "rows there when it was": before, "rows": rows,
         "computed after it": said["computed"], "workers left behind": len(left),
         "equal": digest(folder / "calm") == digest(wild),
     }  # fmt: skip
