@@ -1,5 +1,5 @@
-"""Imports go one way only: _version, signals, spelling, units, panning, files → native → jit → midi → physics, solver, dsp →
-instrument → engine, research → host, fit → study → live → drone, author, dataset → plugin → cli.
+"""Imports go one way only: _version, signals, spelling, units, panning, files, workers → native → jit → midi → physics,
+solver, dsp → instrument → engine, research → host, fit → study → live → drone, author, dataset → plugin → cli.
 """
 
 import ast
@@ -16,7 +16,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "synth"
 
 # Floors from the ground up; a room sees the floors below it and itself.
 FLOORS = (
-    {"_version", "signals", "spelling", "units", "panning", "files"},
+    {"_version", "signals", "spelling", "units", "panning", "files", "workers"},
     {"extensions"},
     {"native"},
     {"jit"},

@@ -30,6 +30,7 @@ from synth.study.showing import standing
 from synth.study.studyfile import StudyError, read_study
 from synth.study.values import Draw, Range
 from synth.units import duration
+from synth.workers import Here, Killed
 from tests.patience import until
 
 TOOLS = Path(__file__).resolve().parents[1] / "tools"
@@ -51,6 +52,12 @@ def deadly(settings):
 def nap(settings):
     time.sleep(settings["seconds"])
     return {"y": settings["x"] / 7}
+
+def hungry(settings):
+    held = np.ones(settings["x"] << 17)  # so many MiB
+    if settings["x"] > 1000:
+        time.sleep(60)
+    return {"y": held[0] * settings["x"]}
 
 def named(settings):
     return {"length": len(settings["case"] + settings["preset"])}
@@ -401,21 +408,22 @@ def test_rows_that_were_killed_along_are_no_failures(place: Path, tmp_path: Path
     """A crew of which all in flight dies with a deadly row, as what waits on a worker does."""
     from synth.study import clusters
 
-    class Mortal(clusters.Here):
-        def wait(self, timeout_s: float) -> list[tuple[Any, Any]]:
-            if any(settings["x"] in (2, 4) for _, _, jobs in self._waiting for _, settings, _ in jobs):
-                died, self._waiting = self._waiting, []
-                return [(ticket, clusters.KILLED) for ticket, _, _ in died]
+    class Mortal(Here):
+        def wait(self, timeout_s: float | None = None) -> list[tuple[int, Any]]:
+            flying = [(ticket, jobs) for together in self._waiting for ticket, (_, jobs) in together]
+            if any(settings["x"] in (2, 4) for _, jobs in flying for _, settings, _ in jobs):
+                self._waiting.clear()
+                return [(ticket, Killed()) for ticket, _ in flying]
             return super().wait(timeout_s)
 
-    monkeypatch.setattr(clusters, "crew_of", lambda head, workers, scheduler: Mortal(head))
+    monkeypatch.setattr(clusters, "crew_of", lambda head, workers, scheduler: Mortal(clusters.RowMaker, head))
     study = called("nap", list(range(5)), base={"set": {"seconds": 0.0}})
     table = sweeping.sweep(study, tmp_path / "s", workers=1)
     assert table["x"][table["failure"].notna()].tolist() == [2, 4]
 
 
 def test_what_is_killed_goes_on_and_gives_the_same_table(tmp_path: Path) -> None:
-    """60 rows: both workers killed, then the process that has the scheduler; `tools/sweep-check` does it with 2,000."""
+    """60 rows: both workers killed, then the process that began them; `tools/sweep-check` does it with 2,000."""
     sys.path.insert(0, str(TOOLS))
     from sweep_check import kills
 
@@ -438,7 +446,7 @@ def test_what_is_killed_goes_on_and_gives_the_same_table(tmp_path: Path) -> None
     sweeping.conduct(opened, wild, 0, None, told=done.append)
     assert done[-1].computed == 60 - there
     assert kills.digest(wild) == kills.digest(tmp_path / "calm")
-    until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in workers), "workers outlive their scheduler")
+    until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in workers), "workers outlive the process that began them")
 
 
 def test_an_interrupted_sweep_keeps_what_it_has(tmp_path: Path) -> None:
@@ -460,7 +468,7 @@ def test_no_scheduler_at_an_address(tmp_path: Path, place: Path) -> None:
     from synth.study import clusters
 
     with pytest.raises(OSError, match=r"--scheduler: nothing answers at tcp://127.0.0.1:9"):
-        clusters.Dask({}, 1, Remote("tcp://127.0.0.1:9"), wait_s=2)
+        clusters.Dask({}, Remote("tcp://127.0.0.1:9"), wait_s=2)
 
 
 def test_an_edit_reaches_what_a_process_has_loaded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -509,12 +517,14 @@ def test_modules_of_one_name_in_two_folders(tmp_path: Path, monkeypatch: pytest.
         assert sweeping.sweep(study, tmp_path / f"s{name}", workers=0)["y"].tolist() == [name]
 
 
-def test_workers_have_memory_as_other_processes_do() -> None:
-    """With Dask's setting of malloc NumPy's loops take several times as long."""
-    from synth.study import clusters
-
-    found = clusters._environ({"MALLOC_TRIM_THRESHOLD_": 65536, "OTHER": 1, "OMP_NUM_THREADS": 8})
-    assert found["OTHER"] == 1 and found["OMP_NUM_THREADS"] == "1" and "MALLOC_TRIM_THRESHOLD_" not in found
+def test_a_worker_that_takes_too_much_memory_dies_of_its_row(
+    place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("distributed.system.MEMORY_LIMIT", 1 << 30)
+    study = called("hungry", [1, 1300, 2])
+    table = sweeping.sweep(study, tmp_path / "s", workers=1)
+    assert table["failure"].notna().tolist() == [False, True, False] and table["y"].dropna().tolist() == [1.0, 2.0]
+    assert "workers died of it again and again (out of memory?)" in table["failure"][1]
 
 
 @pytest.mark.parametrize("damage", [lambda data: b"garbage", lambda data: data[: len(data) // 2], lambda data: b""])

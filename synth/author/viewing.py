@@ -8,8 +8,8 @@ from collections.abc import Callable, Coroutine, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from synth.author.beside import ComputeProcess, compute
 from synth.author.document import version_fingerprint
-from synth.author.worker import ComputeProcess, compute
 from synth.instrument.preset import Preset
 
 #: answers that are kept

@@ -109,7 +109,7 @@ def _scheduler(options: argparse.Namespace) -> Remote | None:
 
 def _needed(plot: bool) -> None:
     """ValueError where the extra is not installed."""
-    packages = ("distributed", "cryptography", "pyarrow", "pandas", "zarr", "scipy", *(("matplotlib",) if plot else ()))
+    packages = ("distributed", "psutil", "pyarrow", "pandas", "zarr", "scipy", *(("matplotlib",) if plot else ()))
     common.needed("studies need", packages, "study")
 
 

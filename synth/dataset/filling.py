@@ -6,12 +6,12 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from synth.dataset.crew import Chunk, MadeItem, WorkerPool, chunks
+from synth.dataset.crew import Job, MadeItem, chunks, made_by
 from synth.dataset.datacard import write_card
 from synth.dataset.itemrows import as_json, join_rows, label_columns, write_rows
 from synth.dataset.items import Item, Items
@@ -173,15 +173,15 @@ def _fill(
     progress(done, items.size)
     opened: dict[str, _Open] = {}
 
-    def wanted() -> Iterator[Chunk]:
+    def wanted() -> Iterator[list[Job]]:
         while missing:
             shard = _Open(missing.popleft())
             opened.update(dict.fromkeys(shard.shard.keys, shard))
             yield from chunks([items.by_key(key) for key in shard.shard.keys], plan.notes)
 
     writing: Future[None] | None = None  # shards are written while others are made, one after the other
-    with WorkerPool(written, items, workers) as crew, ThreadPoolExecutor(1) as writer:
-        for made in crew.make(wanted()):
+    with closing(made_by(workers, written, items, wanted())) as coming, ThreadPoolExecutor(1) as writer:
+        for made in coming:
             shard = opened.pop(made.key)
             shard.made[made.key] = made
             if len(shard.made) == len(shard.shard.keys):

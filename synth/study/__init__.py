@@ -8,8 +8,7 @@ addressing    a row's address: the hash of all that its numbers depend on
 keeping       the folder: journal, Parquet parts, references, arrays, the lock
 compacting    the finished table, in the order of the study
 conducting    rows to workers and back, in bounded number; killed workers, killed schedulers
-clusters      where the workers are: Dask's `distributed`, or this process
-enclosed      workers of this machine that no other user can speak to
+clusters      where the workers are: processes of this machine (`synth.workers`), a cluster of Dask's, or this process
 remote        a scheduler at an address: encryption, certificates
 sweeping      `sweep`: a study from its file to its table
 showing       progress, status

@@ -1,7 +1,7 @@
 """Where a study's rows are computed: in processes of this machine, on a cluster of Dask's, or in this process.
 
-A crew takes batches (`submit`), and gives what has become of them (`wait`): a result, KILLED where workers died of one again
-and again, or LOST where it has to be given anew.
+A crew takes batches (`submit`), and gives what has become of them (`wait`): a result, `Killed` where workers died of one, or
+LOST where it has to be given anew.
 """
 
 from __future__ import annotations
@@ -11,33 +11,24 @@ import hashlib
 import logging
 import pickle
 import queue
-import shutil
-import tempfile
 import time
 from collections import OrderedDict
-from pathlib import Path
+from collections.abc import Callable
 from typing import Any, Protocol
 
 from synth.study.remote import Remote
 from synth.study.work import running
+from synth.workers import Here, Killed, WorkerPool
 
 #: what has become of a batch, in the place of a result
-KILLED, LOST = object(), object()
-#: workers that die under a task before it is given back: Dask's own 3 is for clusters whose machines come and go
-_ALLOWED_FAILURES = 1
-#: Dask watches itself many times a second in every process; a study's rows tell by themselves how far they are
-_CALM = {
-    "distributed.worker.profile.enabled": False,
-    "distributed.admin.system-monitor.gil.enabled": False,
-    "distributed.admin.system-monitor.interval": "5s",
-    "distributed.admin.tick.interval": "500ms",
-    "distributed.worker.memory.monitor-interval": "500ms",
-}
-#: references that stay on the cluster though no batch needs them just now
+LOST = object()
+#: share of its part of the machine's memory that a worker may take
+_MEMORY = 0.95
+#: references that stay on the cluster, or with a worker, though no batch needs them just now
 _REFERENCES = 8
-_ONE_THREAD = {
-    name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
-}  # fmt: skip
+
+#: a reference's address, and what reads it
+Reference = tuple[str, Callable[[], Any]]
 
 
 class Crew(Protocol):
@@ -47,8 +38,8 @@ class Crew(Protocol):
         """How many there are just now."""
         ...
 
-    def submit(self, reference: tuple[str, Any] | None, jobs: Any, first: bool = False) -> Any:
-        """Takes a batch of rows, or, as a dict, a reference; a ticket for it. reference: its address and what reads it."""
+    def submit(self, reference: Reference | None, jobs: Any, /, *, first: bool = False) -> Any:
+        """Takes a batch of rows, or, as a dict, a reference; a ticket for it."""
         ...
 
     def wait(self, timeout_s: float) -> list[tuple[Any, Any]]:
@@ -58,12 +49,6 @@ class Crew(Protocol):
     def close(self) -> None:
         """Ends what was begun for the study."""
         ...
-
-
-def _environ(given: dict[str, Any]) -> dict[str, Any]:
-    """Of workers that are begun here: one thread for libraries, and memory as in any other process. Dask's own setting of
-    malloc gives every array of more than 64 kB back to the system at once, and NumPy's loops take several times as long."""
-    return {name: value for name, value in given.items() if name != "MALLOC_TRIM_THRESHOLD_"} | _ONE_THREAD
 
 
 def _given(data: bytes) -> Any:
@@ -79,76 +64,46 @@ def _reference(head: Any, job: Any) -> Any:
     return running.run_reference(head, job["settings"], job["source"])
 
 
-class Here:
-    """This process, one batch after the other: a plain loop."""
+class RowMaker:
+    """What computes batches in a process, with the references that it has read last."""
 
     def __init__(self, head: dict[str, Any]) -> None:
         self._head = head
-        self._waiting: list[tuple[int, Any, Any]] = []
-        self._tickets = 0
-        self._reference: tuple[str, Any] = ("", None)
+        self._references: OrderedDict[str, Any] = OrderedDict()
 
-    def workers(self) -> int:
-        return 1
-
-    def submit(self, reference: tuple[str, Any] | None, jobs: Any, first: bool = False) -> Any:
-        self._tickets += 1
-        self._waiting.append((self._tickets, reference, jobs))
-        return self._tickets
-
-    def wait(self, timeout_s: float) -> list[tuple[Any, Any]]:
-        if not self._waiting:
-            return []
-        ticket, reference, jobs = self._waiting.pop(0)
+    def __call__(self, reference: Reference | None, jobs: Any) -> Any:
         if isinstance(jobs, dict):
-            return [(ticket, _reference(self._head, jobs))]
-        if reference is not None and self._reference[0] != reference[0]:
-            self._reference = (reference[0], reference[1]())
-        return [(ticket, _batch(self._head, self._reference[1] if reference else None, jobs))]
+            return _reference(self._head, jobs)
+        return _batch(self._head, None if reference is None else self._read(*reference), jobs)
 
-    def close(self) -> None:
-        self._waiting.clear()
+    def _read(self, key: str, read: Callable[[], Any]) -> Any:
+        if key not in self._references:
+            self._references[key] = read()
+        self._references.move_to_end(key)
+        while len(self._references) > _REFERENCES:
+            self._references.popitem(last=False)
+        return self._references[key]
 
 
 class Dask:
-    """Workers of Dask's `distributed`: so many processes of this machine (`enclosed`), or those of the scheduler at an
-    address.
+    """Workers of the scheduler of Dask's `distributed` at an address.
 
-    Raises OSError where no scheduler answers at the address, and while waiting where it has gone.
+    Raises OSError where no scheduler answers there, and while waiting where it has gone.
     """
 
-    def __init__(self, head: dict[str, Any], workers: int, scheduler: Remote | None, wait_s: float = 20.0) -> None:
+    def __init__(self, head: dict[str, Any], scheduler: Remote, wait_s: float = 20.0) -> None:
         import dask
         from distributed import Client
 
-        self._cluster: Any = None
-        self._folder: Path | None = None
-        self._scheduler = None if scheduler is None else scheduler.address
-        self._config = dask.config.set(
-            {
-                "distributed.scheduler.allowed-failures": _ALLOWED_FAILURES,
-                "distributed.scheduler.worker-ttl": None,
-                "distributed.nanny.pre-spawn-environ": _environ(dask.config.get("distributed.nanny.pre-spawn-environ", {})),
-                "distributed.admin.large-graph-warning-threshold": "1GB",
-                **_CALM,
-            }
-        )
+        self._scheduler = scheduler.address
+        self._config = dask.config.set({"distributed.admin.large-graph-warning-threshold": "1GB"})
         self._levels = {name: logging.getLogger(name).level for name in ("distributed", "asyncio", "tornado")}
         for name in self._levels:
             logging.getLogger(name).setLevel(logging.CRITICAL)
         try:
-            if scheduler is None:
-                from synth.study.enclosed import enclosed
-
-                self._folder = Path(tempfile.mkdtemp(prefix="jawari-workers-"))  # of this user alone
-                self._cluster = enclosed(workers, self._folder)
-                self._client = Client(self._cluster, timeout=wait_s, set_as_default=False)
-            else:
-                self._client = Client(scheduler.address, timeout=wait_s, set_as_default=False, security=scheduler.security)
+            self._client = Client(scheduler.address, timeout=wait_s, set_as_default=False, security=scheduler.security)
         except (OSError, ValueError, RuntimeError) as error:
             self.close()
-            if scheduler is None:
-                raise OSError(f"workers could not be started: {error}") from None
             what = "the address, the certificates" if scheduler.address.startswith("tls") else "the address"
             raise OSError(
                 f"--scheduler: nothing answers at {scheduler.address} ({error}); check {what}, and `dask scheduler`"
@@ -180,11 +135,11 @@ class Dask:
     def _check(self) -> None:
         if self._client.status not in ("running", "newly-created"):
             raise OSError(
-                f"the scheduler {self._scheduler or 'of this process'} has gone; finished rows are kept: start it again, "
+                f"the scheduler {self._scheduler} has gone; finished rows are kept: start it again, "
                 "and the same command continues"
             )
 
-    def submit(self, reference: tuple[str, Any] | None, jobs: Any, first: bool = False) -> Any:
+    def submit(self, reference: Reference | None, jobs: Any, /, *, first: bool = False) -> Any:
         self._numbers += 1
         kind = "reference" if isinstance(jobs, dict) else "rows"
         key = f"{kind}-{self._prefix}-{self._numbers}"
@@ -240,7 +195,7 @@ class Dask:
         try:
             return future.result()
         except KilledWorker:
-            return KILLED
+            return Killed()
         except Exception as error:
             self._check()
             if type(error).__name__ in (
@@ -255,12 +210,8 @@ class Dask:
     def close(self) -> None:
         for what in ("_head", "_batches", "_references"):
             self.__dict__.pop(what, None)
-        for each in (getattr(self, "_client", None), self._cluster):
-            if each is not None:
-                with contextlib.suppress(Exception):
-                    each.close(timeout=10)
-        if self._folder is not None:
-            shutil.rmtree(self._folder, ignore_errors=True)
+        with contextlib.suppress(Exception):
+            self._client.close(timeout=10)
         for name, level in self._levels.items():
             logging.getLogger(name).setLevel(level)
         self._config.__exit__(None, None, None)
@@ -268,4 +219,10 @@ class Dask:
 
 def crew_of(head: dict[str, Any], workers: int, scheduler: Remote | None) -> Crew:
     """Who computes: `workers` processes here (0: this one), or those of a scheduler."""
-    return Here(head) if scheduler is None and workers == 0 else Dask(head, workers, scheduler)
+    if scheduler is not None:
+        return Dask(head, scheduler)
+    if workers == 0:
+        return Here(RowMaker, head)
+    from distributed.system import MEMORY_LIMIT
+
+    return WorkerPool(workers, RowMaker, head, most_bytes=_MEMORY * MEMORY_LIMIT / workers)

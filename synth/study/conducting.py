@@ -8,13 +8,16 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from synth.study.addressing import Addresses
-from synth.study.clusters import KILLED, LOST, Crew
+from synth.study.clusters import LOST, Crew
 from synth.study.design import Design
 from synth.study.keeping import AddressSet, Folder
 from synth.study.work.running import Stale
+from synth.workers import Killed
 
 #: what a batch takes: long beside what it costs to hand it out, short beside what is lost with a worker [s]
 BATCH_S = 0.5
@@ -111,7 +114,7 @@ class Conductor:
             self._readable.add(key)
             return
         job = {"settings": settings, "source": self._addresses.source(settings)}
-        ticket = self._crew.submit(None, job, True)
+        ticket = self._crew.submit(None, job, first=True)
         self._computing[ticket] = (key, job, 0)
         self._references[key] = ticket
 
@@ -139,7 +142,7 @@ class Conductor:
             if batch is None:
                 return
             reference = batch.jobs[0].reference
-            given = None if reference is None else (reference, lambda key=reference: self._reference(key))
+            given = None if reference is None else (reference, partial(_read_reference, self._folder.path, reference))
             jobs = [(job.key, job.settings, job.source) for job in batch.jobs]
             self._flying[self._crew.submit(given, jobs)] = batch
 
@@ -188,25 +191,18 @@ class Conductor:
             wanted = min(wanted, _MOST_BYTES / self._row_bytes)
         return int(max(1, min(wanted, _MOST_ROWS)))
 
-    def _reference(self, key: str) -> Any:
-        """What rows are compared with, for whoever computes them."""
-        found = self._folder.reference(key)
-        if found is None:
-            raise OSError(f"{self._folder.path}: reference {key} is no longer readable; start again to compute it again")
-        return found
-
     def _take_reference(self, ticket: Any, outcome: Any) -> None:
         key, job, times = self._computing.pop(ticket)
         if isinstance(outcome, str):
             raise _unlike(outcome)
         if outcome is LOST and times >= _MOST_LOST:
             raise OSError(_LOST_AGAIN)
-        if outcome is LOST or (outcome is KILLED and times < 2):
-            ticket = self._crew.submit(None, job, True)
+        if outcome is LOST or (isinstance(outcome, Killed) and times < 2):
+            ticket = self._crew.submit(None, job, first=True)
             self._computing[ticket] = (key, job, times + 1)
             self._references[key] = ticket
             return
-        if outcome is KILLED:
+        if isinstance(outcome, Killed):
             outcome = {"failure": "workers died of it again and again"}
         del self._references[key]
         if "failure" in outcome:
@@ -227,7 +223,7 @@ class Conductor:
                 raise OSError(_LOST_AGAIN)
             self.counts.retried += 1
             self._again.append(batch)
-        elif outcome is KILLED:
+        elif isinstance(outcome, Killed):
             self.counts.retried += 1
             if len(batch.jobs) > 1:
                 self._again += [_Batch([job]) for job in batch.jobs]
@@ -248,6 +244,14 @@ class Conductor:
         weight = 0.1 if self._row_s else 1.0
         self._row_s += weight * (seconds - self._row_s)
         self._row_bytes += weight * (sum(each.nbytes for each in arrays.values()) - self._row_bytes)
+
+
+def _read_reference(folder: Path, key: str) -> Any:
+    """What rows are compared with, for whoever computes them. Raises OSError."""
+    found = Folder(folder).reference(key)
+    if found is None:
+        raise OSError(f"{folder}: reference {key} is no longer readable; start again to compute it again")
+    return found
 
 
 def address(addresses: Addresses, design: Design, settings: dict[str, Any]) -> tuple[str, str | None]:

@@ -26,31 +26,33 @@ FORKED_VIEWS = """
 import os, signal
 from contextlib import suppress
 from multiprocessing import Pipe
-from synth.author import worker
+from synth import workers
+from synth.author import beside
 
-class Forked:
+class Forked(workers.WorkerProcess):
     def __init__(self):
         self.pipe, theirs = Pipe()
-        self.pid = os.fork()
+        self.process, self.begun, self.pid = self, False, os.fork()
         if not self.pid:
             self.pipe.close()
-            worker._serve(theirs)
-            os._exit(0)
+            workers.work(theirs, beside.views, (), beside.NICE, None)
         theirs.close()
 
     def kill(self):
         with suppress(ProcessLookupError):
             os.kill(self.pid, signal.SIGKILL)
 
-waiting, anew = [Forked()], worker.ComputeProcess._started
+    def join(self):
+        os.waitpid(self.pid, 0)
+
+waiting, anew = [Forked()], beside.ComputeProcess._started
 
 def started(self):
-    if self._pipe is None and not self._closed and waiting:
-        self._process = waiting.pop()
-        self._pipe = self._process.pipe
+    if self._worker is None and not self._closed and waiting:
+        self._worker = waiting.pop()
     return anew(self)
 
-worker.ComputeProcess._started = started
+beside.ComputeProcess._started = started
 """
 
 

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 import soundfile
 
+from synth.author.beside import ComputeProcess, compute
 from synth.author.jobs import Job, Jobs, Progress
 from synth.author.views import instrument, motion, parameters
-from synth.author.worker import ComputeProcess, compute
 from synth.instrument.preset import PresetError, load_preset
 from tests.patience import until
 
@@ -248,7 +248,7 @@ def test_the_process_of_the_views_is_started_again() -> None:
         with pytest.raises(PresetError, match="no string plays") as error:
             worker.compute("instrument", "draw", load_preset("tanpura-light"), {"note": 49})
         assert "\n" not in str(error.value)
-        worker._process.kill()
+        worker._worker.process.kill()
         with pytest.raises(OSError, match="has ended; try again"):
             worker.compute(*asked)
         assert worker.compute(*asked) == expected

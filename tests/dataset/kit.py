@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Iterable
 from pathlib import Path
 
+from synth.dataset.crew import MadeItem, Maker
 from synth.dataset.itemrows import read_rows
 from synth.dataset.recipefile import Written, read_recipe
 
@@ -49,3 +52,12 @@ def files(folder: Path) -> dict[str, bytes]:
     """All files below a folder but its lock, by name."""
     found = sorted(path for path in folder.rglob("*") if path.is_file() and path.name != ".lock")
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in found}
+
+
+class Deadly(Maker):
+    """Makes items but for one, at which its process ends."""
+
+    def make(self, key: str, notes: Iterable[int] = ()) -> MadeItem:
+        if key == "n0-00000003":
+            os._exit(7)
+        return super().make(key, notes)

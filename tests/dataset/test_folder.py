@@ -28,7 +28,8 @@ from synth.dataset.verifying import verify
 from synth.host.alone import BLOCK
 from synth.host.batch import Note
 from synth.midi.events import EVENT, NOTE_OFF, NOTE_ON, PARAMETER, make_events
-from tests.dataset.kit import NOTES, files, rows, written
+from synth.workers import WorkerPool
+from tests.dataset.kit import NOTES, Deadly, files, rows, written
 from tests.host.midibytes import header, off, on, track
 
 
@@ -156,23 +157,36 @@ def test_what_was_interrupted_goes_on_and_computes_nothing_twice(
     assert fill(written(tmp_path), tmp_path / "set").made == 0
 
 
-def test_a_killed_worker_is_replaced_and_nothing_is_lost(made: Path, tmp_path: Path) -> None:
+@pytest.fixture
+def pools(monkeypatch: pytest.MonkeyPatch) -> list[WorkerPool]:
+    """The pools of workers that are begun."""
+    begun: list[WorkerPool] = []
+    monkeypatch.setattr(crew, "WorkerPool", lambda *arguments: begun.append(WorkerPool(*arguments)) or begun[-1])
+    return begun
+
+
+def test_a_killed_worker_is_replaced_and_nothing_is_lost(made: Path, tmp_path: Path, pools: list[WorkerPool]) -> None:
     killed: list[int] = []
-    real = crew._Worker
 
-    class Worker(real):
-        def take(self, key: str) -> None:
-            super().take(key)
-            if not killed:
-                killed.append(self.process.pid)
-                os.kill(self.process.pid, signal.SIGKILL)
+    def kill(done: int, total: int) -> None:
+        if done == 1:
+            killed.extend(each.process.pid for each in pools[0]._workers if each is not None)
+            os.kill(killed[0], signal.SIGKILL)
 
-    crew._Worker = Worker  # type: ignore[misc]
-    try:
-        told = fill(written(tmp_path), tmp_path / "set", workers=2)
-    finally:
-        crew._Worker = real  # type: ignore[misc]
-    assert killed and told.errors == 0 and rows(tmp_path / "set") == rows(made)
+    told = fill(written(tmp_path), tmp_path / "set", workers=2, progress=kill)
+    assert len(killed) == 2 and told.errors == 0 and rows(tmp_path / "set") == rows(made)
+
+
+def test_an_item_that_kills_two_workers_is_a_row_with_an_error(
+    made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(crew, "Maker", Deadly)
+    told = fill(written(tmp_path), tmp_path / "set", workers=2)
+    assert told.errors == 1
+    for row, whole in zip(rows(tmp_path / "set"), rows(made), strict=True):
+        assert (row["key"], row["sha256"]) == (whole["key"], None if row["error"] else whole["sha256"])
+        assert row["error"] == ("its worker died twice (exit code 7); out of memory, or killed" if row["error"] else "")
+        assert bool(row["error"]) == (row["key"] == "n0-00000003")
 
 
 def test_a_broken_item_is_a_row_with_its_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

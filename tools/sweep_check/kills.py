@@ -1,4 +1,4 @@
-"""Studies that are killed: workers, the process that holds the scheduler, a scheduler of its own."""
+"""Studies that are killed: workers, the process that began them, a scheduler."""
 
 from __future__ import annotations
 
@@ -78,8 +78,8 @@ def stored(folder: Path) -> int:
 
 
 def local(folder: Path, rows: int, seconds: float, rounds: int, patience_s: float = 600.0) -> dict[str, Any]:
-    """A LocalCluster of 2 workers: both killed `rounds` times, then the process that holds the scheduler, once; against a
-    run that nobody disturbs. Returns what happened."""
+    """2 workers of this machine: both killed `rounds` times, then the process that began them, once; against a run that
+    nobody disturbs. Returns what happened."""
     study = folder / "naps.toml"
     study.write_text(study_text(rows, seconds))
     calm = sweep(study, folder / "calm", "--workers", "2")
