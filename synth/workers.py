@@ -98,7 +98,9 @@ def work(
     jobs: queue.SimpleQueue[Any] = queue.SimpleQueue()
     threading.Thread(target=_listen, args=(pipe, jobs), daemon=True).start()
     if most_bytes is not None:
-        threading.Thread(target=_watch, args=(most_bytes,), daemon=True).start()
+        import psutil  # not by the thread: imports that run side by side may miss a module
+
+        threading.Thread(target=_watch, args=(psutil.Process(), most_bytes), daemon=True).start()
     answering = begin(*arguments)
     _say(pipe, "begun", None)
     while True:
@@ -127,10 +129,8 @@ def _say(pipe: Connection, kind: str, value: Any) -> None:
         pipe.send(("raised", RuntimeError(f"{type(value).__name__} cannot be sent: {error}")))
 
 
-def _watch(most_bytes: float) -> None:
-    import psutil
-
-    mine = psutil.Process()
+def _watch(mine: Any, most_bytes: float) -> None:
+    """Ends the process where it takes more memory."""
     while mine.memory_info().rss <= most_bytes:
         time.sleep(_LOOK_S)
     os._exit(1)

@@ -56,14 +56,6 @@ def _given(data: bytes) -> Any:
     return pickle.loads(data)
 
 
-def _batch(head: Any, reference: Any, jobs: Any) -> Any:
-    return running.run_batch(head, reference, jobs)
-
-
-def _reference(head: Any, job: Any) -> Any:
-    return running.run_reference(head, job["settings"], job["source"])
-
-
 class RowMaker:
     """What computes batches in a process, with the references that it has read last."""
 
@@ -73,8 +65,8 @@ class RowMaker:
 
     def __call__(self, reference: Reference | None, jobs: Any) -> Any:
         if isinstance(jobs, dict):
-            return _reference(self._head, jobs)
-        return _batch(self._head, None if reference is None else self._read(*reference), jobs)
+            return running.run_reference(self._head, jobs["settings"], jobs["source"])
+        return running.run_batch(self._head, None if reference is None else self._read(*reference), jobs)
 
     def _read(self, key: str, read: Callable[[], Any]) -> Any:
         if key not in self._references:
@@ -146,9 +138,9 @@ class Dask:
         given = self._reference_given(*reference) if reference is not None else None
         more: dict[str, Any] = {"key": key, "pure": False, "priority": 10 if first else 0}
         if kind == "reference":
-            future = self._client.submit(_reference, self._head, jobs, **more)
+            future = self._client.submit(running.run_reference, self._head, jobs["settings"], jobs["source"], **more)
         else:
-            future = self._client.submit(_batch, self._head, given, jobs, **more)
+            future = self._client.submit(running.run_batch, self._head, given, jobs, **more)
         self._batches[key] = future
         self._needs[key] = reference[0] if reference is not None else None
         future.add_done_callback(self._done.put)

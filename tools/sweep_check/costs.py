@@ -49,7 +49,7 @@ def _resident_mb() -> float:
 
 
 def memory(folder: Path, rows: int) -> dict[str, Any]:
-    """Resident memory of the process with scheduler and client, every tenth of so many empty rows."""
+    """Resident memory of the conducting process, every tenth of so many empty rows."""
     found: list[tuple[int, float]] = []
 
     def hear(counts: Any) -> None:

@@ -96,7 +96,7 @@ def _times(kind: str) -> int:
 
 @contextlib.contextmanager
 def _counting(spent: Counter[str]) -> Iterator[None]:
-    """CPU time of the conducting process by what it does; Dask has what is left."""
+    """CPU time of the conducting process by what it does; handing out has what is left."""
     from synth.study import compacting, conducting, sweeping
     from synth.study.keeping import Folder
 
