@@ -37,7 +37,7 @@ FLOORS: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
     ("kernels", (("jit", "compiled, kept, found"),)),
     ("memory", (("native", "addresses, vectors, threads"),)),
     ("added", (("extensions", "what other modules add"),)),
-    ("ground", (("files", ""), ("signals", ""), ("units", ""), ("panning", ""), ("spelling", ""))),
+    ("ground", (("files", ""), ("workers", ""), ("signals", ""), ("units", ""), ("panning", ""), ("spelling", ""))),
 )
 
 
