@@ -11,6 +11,7 @@ from benchmarks import scenes
 from benchmarks.conftest import Race, note_blocks
 from synth.instrument.preset import list_presets
 from synth.units import midi_to_note
+from tests.engine.kit import go_on_from, what_sounds
 
 BLOCKS = (64, 128, 256)
 
@@ -64,15 +65,13 @@ def test_strings(race: Race, strings: int) -> None:
     engine, began = player.engine, round(scenes.first_full(strings) * scenes.RATE_HZ)
     engine.reset()
     engine.process(player.events, np.zeros((began, 2)))
-    changing = engine.memory.changing
-    held = {name: array.copy() for name, array in changing.items()}
+    held = what_sounds(engine)
     out = np.zeros((scenes.BLOCK, 2))
     nothing = player.events[:0]
     blocks = round(seconds * scenes.RATE_HZ / scenes.BLOCK)
 
     def reset() -> None:
-        for name, array in changing.items():
-            array[:] = held[name]
+        go_on_from(engine, held)
 
     def play() -> None:
         for _ in range(blocks):

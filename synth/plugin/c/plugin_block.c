@@ -346,7 +346,8 @@ void plugin_reset(plugin *p) {
 bool plugin_silent(const plugin *p) {
     if (!p->engine)
         return true;
-    if (p->gathered || p->owed || plugin_drone_waits(p) || p->quiet < p->latency + QUIET_FRAMES || atomic_load_explicit(&p->loaded, memory_order_relaxed))
+    if (p->gathered || p->owed || plugin_drone_waits(p) || p->quiet < p->latency + QUIET_FRAMES ||
+        atomic_load_explicit(&p->loaded, memory_order_relaxed))
         return false;
     for (uint32_t k = 0; k < p->count; k++)
         if (plugin_value(p, k) != p->sent[k] && !plugin_is_setup(p, k))

@@ -20,7 +20,7 @@
 #include "plugin_rebuild.h"
 
 static const char MAGIC[] = "jawariP\n";
-enum { MAGIC_BYTES = 8,  FORMAT = 1, VALUES = 1, BANK = 3 };
+enum { MAGIC_BYTES = 8, FORMAT = 1, VALUES = 1, BANK = 3 };
 enum { HEAD = 8 + 4 + 8, SECTION_HEAD = 4 + 8, SUM = 4 };
 
 /* ---- bytes ---- */
