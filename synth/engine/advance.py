@@ -146,7 +146,9 @@ def _follow_controls(core: int, s: int, bend: float, height: float) -> None:
     me = state_of(core).sounding[s]
     me.bend = bend
     me.height = height
-    string_of(core, s).counts[MOVING] = bank_of(core).models[me.model].n
+    string = string_of(core, s)
+    if string.counts[FREE] == 0:  # what can touch nothing leaves the modes at rest that are
+        string.counts[MOVING] = bank_of(core).models[me.model].n
     me.stale = 1
 
 
@@ -220,7 +222,7 @@ def _may_go_beside(core: int, thread: int, s: int, frames: int) -> bool:
     if me.flying:
         return False
     if me.stale:
-        refresh(core, thread, s)
+        _refresh(core, thread, s)
     string_of(core, s).finger[0].on = 0
     return presses(model_address(core, s), shared.string_at[s])
 
@@ -245,12 +247,28 @@ def _land(core: int, thread: int, s: int) -> None:
         return
     if me.stale == 1 and not is_held(me) and shared_of(core).board_at[me.model] == 0:
         refresh_in_flight(core, thread, s)
-        fill_sigma(core, thread, s, string_of(core, s).counts[MOVING])
+        if not me.altered:  # else that was part of it
+            fill_sigma(core, thread, s, string_of(core, s).counts[MOVING])
         string_of(core, s).counts[FREE] = 1 if _nothing_in_reach(core, thread, s) else 0
     if is_held(me) and not lies_still(core, s, QUANTUM * bank_of(core).strings[s].factor):
         string_of(core, s).counts[FREE] = 0
     if me.stale or not string_of(core, s).counts[FREE] or not may_fly(core, s):
         touch_down(core, thread, s)
+
+
+@njit(**CORE)
+def _refresh(core: int, thread: int, s: int) -> None:
+    """`refresh`, after which a string over a board that can touch nothing still can: it goes on as free as it was."""
+    me, string = state_of(core).sounding[s], string_of(core, s)
+    was_free, moving = string.counts[FREE] != 0, string.counts[MOVING]
+    was_free = was_free and me.stale == 1 and not is_held(me) and shared_of(core).board_at[me.model] != 0
+    refresh(core, thread, s)
+    if was_free:
+        all_modes, string.counts[MOVING] = string.counts[MOVING], moving
+        fill_sigma(core, thread, s, moving)
+        string.counts[FREE] = 1 if _nothing_in_reach(core, thread, s) else 0
+        if string.counts[FREE] == 0:
+            string.counts[MOVING] = all_modes
 
 
 @njit(**CORE)
@@ -262,7 +280,7 @@ def _advance_line(core: int, thread: int, s: int, start: int, frames: int) -> No
         return
     row = row_of(core, s, start, frames)
     if me.stale:
-        refresh(core, thread, s)
+        _refresh(core, thread, s)
     call_back(shared_of(core).task[STEP], core, thread, s, row.size)
     me.base = collect(core, thread, s, row.size, bank_of(core).strings[s].factor, me.base, row)
 
@@ -383,7 +401,7 @@ def _check(core: int, thread: int, s: int) -> None:
         return
     if me.stale:  # as when a hand bends it without a stop
         _land(core, thread, s)
-        refresh(core, thread, s)
+        _refresh(core, thread, s)
     fixed = bank.strings[s]
     constants = bank.models[me.model]
     plain, model = string_model(shared_of(core).model_at[me.model, PLAIN]), model_of(core, s)

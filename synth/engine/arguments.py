@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import operator
 import os
 from collections.abc import Sequence
@@ -146,58 +147,47 @@ def events(given: Any, frames: int, parts: int) -> np.ndarray:
         raise TypeError(f"events must be an array of the type EVENT, got {got}; make_events(rows) makes one")
     if given.ndim != 1:
         raise ValueError(f"events must have one dimension, got the shape {given.shape}")
-    if given.size:
-        _check_frames(given["frame"], frames)
-        _check_meaning(given, parts)
+    _check_events(given.tolist(), frames, parts)
     if not (given.flags.c_contiguous and given.flags.writeable and given.flags.aligned):
         return given.copy()  # another type to compiled code
     return given
 
 
-def _check_frames(at: np.ndarray, frames: int) -> None:
-    outside = np.flatnonzero((at < 0) | (at > frames))
-    if outside.size:
-        i = outside[0]
-        raise ValueError(
-            f"events[{i}].frame must lie between 0 and the block's {frames} frames, got {at[i]}; frames count from the "
-            "start of the block"
-        )
-    early = np.flatnonzero(np.diff(at) < 0)
-    if early.size:
-        i = early[0] + 1
-        raise ValueError(f"events[{i}].frame is {at[i]}, after {at[i - 1]}; sort events by frame")
-
-
-def _check_meaning(given: np.ndarray, parts: int) -> None:
-    """Kinds, channels and numbers. 0 is no event; TUNING takes every value, what is no pitch as the compiled one."""
-    kinds = given["kind"]
-    for kind in np.unique(kinds).tolist():
-        if kind == 0:
-            continue
-        if kind not in _NAMES:
-            i = int(np.flatnonzero(kinds == kind)[0])
+def _check_events(rows: list[tuple], frames: int, parts: int) -> None:
+    """Frames, kinds, channels and numbers of the rows of an EVENT array, in plain Python: a call of numpy costs as much as
+    several rows, and a block has few. Kind 0 is no event; TUNING takes every value, what is no pitch as the compiled one."""
+    before = 0
+    for i, (at, kind, channel, a, b, value) in enumerate(rows):
+        if not 0 <= at <= frames:
+            raise ValueError(
+                f"events[{i}].frame must lie between 0 and the block's {frames} frames, got {at}; frames count from the "
+                "start of the block"
+            )
+        if at < before:
+            raise ValueError(f"events[{i}].frame is {at}, after {before}; sort events by frame")
+        before = at
+        if kind in _RANGES:
+            of_a, of_b = _RANGES[kind]
+            _check_number(i, kind, "channel", channel, 0, CHANNELS - 1)
+            _check_number(i, kind, "a", a, *of_a)
+            _check_number(i, kind, "b", b, *of_b)
+        elif kind == PARAMETER:
+            if not math.isfinite(value):
+                raise ValueError(f"events[{i}].value of PARAMETER must be finite, got {value}")
+            _check_number(i, kind, "channel", channel, 0, parts - 1)
+            _check_number(i, kind, "a", a, 0, N_PARAMETERS - 1)
+        elif kind == TUNING:
+            _check_number(i, kind, "a", a, *_DATA)
+        elif kind != 0:
             raise ValueError(
                 f"events[{i}].kind must be one of {', '.join(f'{k} {n}' for k, n in _NAMES.items())}, got {kind}"
             )
-        mine = np.flatnonzero(kinds == kind)
-        rows = given[mine]
-        if kind == PARAMETER:
-            limits = {"channel": (0, parts - 1), "a": (0, N_PARAMETERS - 1)}
-            bad = np.flatnonzero(~np.isfinite(rows["value"]))
-            if bad.size:
-                raise ValueError(f"events[{mine[bad[0]]}].value of PARAMETER must be finite, got {rows['value'][bad[0]]}")
-        elif kind == TUNING:
-            limits = {"a": _DATA}
-        else:
-            limits = {"channel": (0, CHANNELS - 1), "a": _RANGES[kind][0], "b": _RANGES[kind][1]}
-        for field, (low, high) in limits.items():
-            bad = np.flatnonzero((rows[field] < low) | (rows[field] > high))
-            if bad.size:
-                i, what = mine[bad[0]], {PARAMETER: " (the part)"}.get(kind, "") if field == "channel" else ""
-                raise ValueError(
-                    f"events[{i}].{field}{what} of {_NAMES[kind]} must lie between {low} and {high}, got "
-                    f"{rows[field][bad[0]]}"
-                )
+
+
+def _check_number(i: int, kind: int, field: str, given: int, low: int, high: int) -> None:
+    if not low <= given <= high:
+        what = " (the part)" if kind == PARAMETER and field == "channel" else ""
+        raise ValueError(f"events[{i}].{field}{what} of {_NAMES[kind]} must lie between {low} and {high}, got {given}")
 
 
 def output(name: str, given: Any, shape: tuple[int | None, ...], shown: str) -> np.ndarray:

@@ -19,16 +19,17 @@ from synth.engine.core import (
     string_of,
 )
 from synth.engine.ends import on_bridge
-from synth.engine.hand_damping import damping
+from synth.engine.hand_damping import damping, raise_modes
 from synth.engine.layout import CORE, FLYING, PLAIN, STEPS_DUE
 from synth.engine.on_board import stop_on_board
-from synth.solver.due_responses import fill_step, put_off
+from synth.solver.due_responses import fill_contact_matrix, fill_step, put_off_rows
 from synth.solver.fingers import fill_grip
+from synth.solver.lanes import padded
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.layers import settle
 from synth.solver.lcp import SOLVED
 from synth.solver.quick_coefficients import quick_coefficients
-from synth.solver.responses import fill_lags, fill_rows
+from synth.solver.responses import complete_rows, fill_lags
 from synth.solver.stringmodel import CERTAIN, DEPTH, FREE, MOVING, STIFFNESS, string_model
 
 
@@ -47,10 +48,12 @@ def _set_coefficients(core: int, thread: int, s: int) -> None:
     me.altered = 1 if me.hand != 0.0 or me.bend != 0.0 else 0
     if shared_of(core).board_at[me.model] != 0:
         stop_on_board(core, thread, s)
+    elif me.altered and on_bridge(
+        core, s
+    ):  # there what its contacts need waits until they are looked at: `ends.refresh_end`
+        _bend(core, s, model.modes)
     elif me.altered:
-        _bend(core, s)
-        if not on_bridge(core, s):  # there what its contacts need waits until they are looked at: `ends.refresh_end`
-            alter_steps(core, thread, s)
+        alter_steps(core, thread, s)
 
 
 @njit(**CORE)
@@ -63,43 +66,47 @@ def _set_heights(core: int, s: int) -> None:
 
 
 @njit(**CORE)
-def _bend(core: int, s: int) -> None:
-    """Frequencies of a string under a pitch bend."""
+def _bend(core: int, s: int, count: int) -> None:
+    """Frequencies of a string under a pitch bend: of its first `count` modes."""
     me = state_of(core).sounding[s]
     plain, own = string_model(shared_of(core).model_at[me.model, PLAIN]), model_of(core, s)
-    n, strings_own = plain.modes, bank_of(core).models[me.model].own
+    strings_own = min(count, bank_of(core).models[me.model].own)
     # a tension change adds the same share of ω₁² to every k_j² = j² k₁²; bending stiffness stays
     omega = own.omega
-    omega[n:] = 1.0  # divided by
+    omega[plain.modes :] = 1.0  # divided by
     bend_ratio = 2.0 ** (me.bend / 12.0)
-    added = (bend_ratio * bend_ratio - 1.0) * plain.omega[0] * plain.omega[0]
-    for j in range(n):
+    share = bend_ratio * bend_ratio - 1.0
+    raise_modes(plain.omega[:strings_own], share * plain.omega[0] * plain.omega[0], omega)
+    for j in range(strings_own, count):
         w = plain.omega[j]
-        more = added * (j + 1.0) * (j + 1.0) if j < strings_own else (bend_ratio * bend_ratio - 1.0) * w * w
-        omega[j] = math.sqrt(max(w * w + more, 1e-6 * w * w))
+        omega[j] = math.sqrt(max(w * w + share * w * w, 1e-6 * w * w))
 
 
 @njit(**CORE)
 def alter_steps(core: int, thread: int, s: int) -> None:
-    """Coefficients of a step of a string under a damping hand or a pitch bend, whose frequencies are as they are to be."""
+    """Frequencies and coefficients of a step of a string under a damping hand or a pitch bend."""
     scratch = scratch_of(thread)
     me = state_of(core).sounding[s]
     plain, own = string_model(shared_of(core).model_at[me.model, PLAIN]), model_of(core, s)
     n, c, cap, dt, omega = plain.modes, plain.eta.size, plain.omega.size, plain.dt, own.omega
+    _bend(core, s, n)
     bend_ratio = 2.0 ** (me.bend / 12.0)
     for j in range(n):
         scratch.sigma[j] = damping(plain.sigma[j], me.hand, omega[j] * dt)
-    fill_step(model_address(core, s), scratch.sigma, 1.0 / (bend_ratio * bend_ratio) - 1.0)
+    relief = 1.0 / (bend_ratio * bend_ratio) - 1.0
+    fill_step(model_address(core, s), scratch.sigma)
     if c == 0:
         return
     rows, matrix = own.rows, own.matrix
     if plain.law == EXACT_HOLD and c > 1:
-        put_off(model_address(core, s), shared_of(core).string_at[s])
+        put_off_rows(model_address(core, s), shared_of(core).string_at[s], relief)
         return
+    fill_contact_matrix(model_address(core, s), relief)
     q, v, spare = scratch.q[:cap], scratch.v[:cap], scratch.spare
     fill_lags(0 if plain.law == EXACT_HOLD else 1, rows, plain.shapes, plain.shapes, matrix, q, v, spare, own.lags)
     none = matrix.reshape(-1)[:0].reshape(0, 0)
-    for k in range(2):
+    for p in range(plain.first, plain.first + plain.points):
+        k = 0 if p < plain.first + plain.on_q else 1
         fill_lags(k, rows, plain.shapes, plain.weights[k : k + 1], none, q, v, spare, own.out_lags[k : k + 1])
 
 
@@ -116,19 +123,21 @@ def fill_sigma(core: int, thread: int, s: int, n: int) -> None:
 @njit(**CORE)
 def alter_flight(core: int, thread: int, s: int) -> None:
     """Coefficients of a frame of a string in flight under a damping hand or a pitch bend, whose frequencies are as they are
-    to be."""
+    to be: of the modes that move, to which none is added before it lands."""
     flight, omega = flight_of(core, s), model_of(core, s).omega
     n, rows = flight.modes, flight.rows
+    if not is_held(state_of(core).sounding[s]):  # which moves all of them
+        n = min(n, string_of(core, s).counts[MOVING])
     fill_sigma(core, thread, s, n)
-    rows[:6, n:] = 0.0
+    rows[:6, n : padded(n)] = 0.0
     quick_coefficients(EXACT_HOLD, omega[:n], scratch_of(thread).sigma[:n], flight.mu, flight.dt, rows)
-    fill_rows(rows)
+    complete_rows(rows, padded(n))
 
 
 @njit(**CORE)
 def refresh_in_flight(core: int, thread: int, s: int) -> None:
     """`refresh` of a string in flight, over no board and with nothing on it, that is to go on so: coefficients of its steps
-    wait until it lands."""
+    and frequencies of modes at rest wait until it lands."""
     me, string = state_of(core).sounding[s], string_of(core, s)
     _set_heights(core, s)
     set_rest(core, thread, me)
@@ -138,7 +147,7 @@ def refresh_in_flight(core: int, thread: int, s: int) -> None:
     me.altered = 1 if me.hand != 0.0 or me.bend != 0.0 else 0
     me.flying = STEPS_DUE if me.altered else FLYING
     if me.altered:
-        _bend(core, s)
+        _bend(core, s, string.counts[MOVING])
         alter_flight(core, thread, s)
     me.stale = 0
 

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 from numba import njit
 
 from synth.engine.core import bank_of, model_of, scratch_of, shared_of, state_of, string_of
 from synth.engine.expression import MOST_BEND
-from synth.engine.hand_damping import damping
+from synth.engine.hand_damping import damping, raise_modes
 from synth.engine.layout import CORE, NO_FINGER, PLAIN
 from synth.physics.fingerboard import board_height, over_line, pressed_share
 from synth.solver.board_table import NO_BOARD_M, SPEAKING, board_at, fill_slack, leave_board
@@ -39,6 +40,20 @@ def _shortened(linear: int, omega: float, ideal: float, ratio: float) -> float:
         return ratio * (ideal + ratio * ratio * (omega - ideal))
     squared = ideal * ideal + ratio * ratio * (omega - ideal) * (omega + ideal)
     return ratio * math.sqrt(max(squared, 1e-6 * ideal * ideal))
+
+
+@njit(error_model="numpy", **CORE)
+def _shorten(linear: int, omega, ideal: float, ratio: float, out) -> None:
+    """out (≥N,): `_shortened` of modes ω (N,), in vectors."""
+    if linear:
+        for j in range(omega.size):
+            harmonic = (j + 1.0) * ideal
+            out[j] = ratio * (harmonic + ratio * ratio * (omega[j] - harmonic))
+        return
+    for j in range(omega.size):
+        harmonic = (j + 1.0) * ideal
+        squared = harmonic * harmonic + ratio * ratio * (omega[j] - harmonic) * (omega[j] + harmonic)
+        out[j] = ratio * np.sqrt(max(squared, 1e-6 * harmonic * harmonic))
 
 
 @njit(**CORE)
@@ -80,15 +95,15 @@ def stop_on_board(core: int, thread: int, s: int) -> None:
         return
     omega = own.omega
     omega[n:] = 1.0  # divided by
+    if me.bend != 0.0:
+        _shorten(board.linear, plain.omega[:n], ideal, ratio, omega)
+        if added != 0.0:
+            raise_modes(omega[:n], added, omega)
+    else:
+        omega[:n] = plain.omega[:n]
     for j in range(n):
-        w = plain.omega[j]
-        if me.bend != 0.0:
-            harmonic = (j + 1.0) * ideal
-            w = _shortened(board.linear, w, harmonic, ratio)
-            if added != 0.0:
-                w = math.sqrt(max(w * w + added * (j + 1.0) * (j + 1.0), 1e-6 * w * w))
-        omega[j] = w
-        scratch.sigma[j] = damping(plain.sigma[j], me.hand, w * dt if me.bend != 0.0 and w > plain.omega[j] else 0.0)
+        w = omega[j]
+        scratch.sigma[j] = damping(plain.sigma[j], me.hand, w * dt if w > plain.omega[j] else 0.0)
     rows = own.rows
     rows[:6, n:] = 0.0
     quick_coefficients(EXACT_HOLD, omega[:n], scratch.sigma[:n], plain.mu, dt, rows)
@@ -116,13 +131,19 @@ def _listen(address: int, speaking: float, n: int) -> None:
     b = board_at(address)
     x = speaking - min(b.heard_at, FARTHEST_OUTPUT * speaking)
     scale = math.sqrt(2.0 / speaking)
+    # sines and cosines of multiples of two angles, each from the last by a rotation
+    turn, half_turn = math.pi * x / speaking, 0.5 * math.pi * b.aperture / speaking
+    step_sine, step_cosine, half_sine, half_cosine = math.sin(turn), math.cos(turn), math.sin(half_turn), math.cos(half_turn)
+    sine, cosine, side, along = 0.0, 1.0, 0.0, 1.0
     for j in range(n):
         k = (j + 1) * math.pi / speaking
+        sine, cosine = sine * step_cosine + cosine * step_sine, cosine * step_cosine - sine * step_sine
+        side, along = side * half_cosine + along * half_sine, along * half_cosine - side * half_sine
         if b.heard_by_force:
-            seen = scale * (b.tension * k + b.bending_stiffness * k * k * k) * math.cos(k * x)
+            seen = scale * (b.tension * k + b.bending_stiffness * k * k * k) * cosine
         else:
-            half = 0.5 * k * b.aperture
-            seen = scale * math.sin(k * x) * (math.sin(half) / half if half > 1e-9 else 1.0)
+            half = (j + 1) * half_turn
+            seen = scale * sine * (side / half if half > 1e-9 else 1.0)
         b.weights[0, j] = b.gain_q * seen
         b.weights[1, j] = b.gain_v * seen
 

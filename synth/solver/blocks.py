@@ -21,7 +21,7 @@ from numba import njit
 from synth.native.views import in_rows
 from synth.solver.block_rows import BLOCK, ROWS
 from synth.solver.certificates import HORIZONS, certify
-from synth.solver.due_responses import fill_due
+from synth.solver.due_responses import ROW_DUE, fill_due, fill_row
 from synth.solver.lanes import (
     add_forced,
     add_late,
@@ -121,15 +121,15 @@ def fly_modes(model: int, scratch: int, q, v, modes: int, blocks: int, out) -> N
     single_q, single_v = w.single_q[:n], w.single_v[:n]
     take(q, v, modes, single_q, single_v)
     weights = m.single_weights[m.first : m.first + m.points]
-    fly_blocks(blocks, n, _single_rows(m, w), single_q, single_v, weights, m.on_q, out)
+    fly_blocks(blocks, n, _single_rows(m, w, modes), single_q, single_v, weights, m.on_q, out)
     give_back(single_q, single_v, modes, q, v)
 
 
 @njit(inline="always")
-def _single_rows(m, w):
-    """(ROWS, padded_single(N)) float32 of a model: its own, or made in the Scratch where it has none."""
+def _single_rows(m, w, modes: int):
+    """(ROWS, padded_single(N)) float32 of a model: its own, or, of so many modes, made in the Scratch where it has none."""
     if m.single_rows.shape[1] == 0:
-        fill_single_rows(m.rows, m.rows.shape[1], in_rows(w.single_rows, ROWS, padded_single(m.modes)))
+        fill_single_rows(m.rows, min(modes, m.rows.shape[1]), in_rows(w.single_rows, ROWS, padded_single(m.modes)))
     return _rows_in_use(m, w)
 
 
@@ -183,7 +183,7 @@ def _begin_press(model: int, state: int, scratch: int) -> None:
     if m.single:
         n = padded_single(m.modes)
         take(s.q, s.v, m.modes, w.single_q[:n], w.single_v[:n])
-        _single_rows(m, w)
+        _single_rows(m, w, m.modes)
 
 
 @njit(**INNER)
@@ -308,8 +308,12 @@ def look(n: int, rows, shapes, q, v, velocity: int, near, m: int, u) -> None:
 
 
 @njit(inline="always")
-def fill_matrix(lags, near, m: int, matrix) -> None:
-    """matrix (m·m,) of contacts near[:m] from their lag responses."""
+def fill_matrix(model: int, state: int, near, m: int, matrix) -> None:
+    """matrix (m·m,) of contacts near[:m] from their lag responses, of which what still waits is filled."""
+    lags, due = string_model(model).lags, string_state(state).due
+    for i in range(m if m > 1 else 0):
+        if due[near[i]] == ROW_DUE:
+            fill_row(model, state, near[i])
     for i in range(m):
         for d in range(m):
             matrix[i * m + d] = lags[near[i], near[d], BLOCK]
@@ -334,7 +338,7 @@ def _answer(model: int, state: int, scratch: int, m: int, k: int, lags, matrix, 
 def _hold_sequence(model: int, state: int, scratch: int, m: int, eta, lags, s, w) -> int:
     """Exact-hold over K steps at contacts near[:m]: forces from the free u, which become the true ones."""
     near, u, forces, b = w.near, w.u, w.forces, w.b
-    fill_matrix(lags, near, m, w.matrix)
+    fill_matrix(model, state, near, m, w.matrix)
     matrix = w.matrix[: m * m].reshape(m, m)
     enabled, active = w.enabled[:m], w.active[:m]
     enabled[:] = 1
@@ -394,7 +398,7 @@ def _impact_sequence(
             u[0, k] = here
         u_contact[0], v_contact[0] = here, speed
         return SOLVED
-    fill_matrix(lags, near, m, w.matrix)
+    fill_matrix(model, state, near, m, w.matrix)
     matrix = w.matrix[: m * m].reshape(m, m)
     enabled, active = w.enabled[:m], w.active[:m]
     active[:] = 0
@@ -431,7 +435,7 @@ def advance_blocks(model: int, state: int, scratch: int, blocks: int, stride: in
     n = padded_single(m.modes)
     q, v = w.single_q[:n], w.single_v[:n]
     take(s.q, s.v, m.modes, q, v)
-    moving, rows = padded_single(s.counts[MOVING]), _single_rows(m, w)
+    moving, rows = padded_single(s.counts[MOVING]), _single_rows(m, w, m.modes)
     result = _advance(model, state, scratch, blocks, stride, moving, rows, m.single_shapes, m.single_weights, q, v)
     give_back(q, v, m.modes, s.q, s.v)
     return result

@@ -113,7 +113,7 @@ def _copy(array: np.ndarray) -> np.ndarray:
     return out
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def fill_slack(board: int, omega, sigma, mu: float, dt: float) -> None:
     """Board.slack for modes ω, σ (N,)."""
     b = board_at(board)

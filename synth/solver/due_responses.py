@@ -4,8 +4,9 @@ What bends or damps a string gives it coefficients of its own, and all its respo
 that is bent or damped press nothing until it is bent again. StringState.due says which contacts still wait. An entry
 depends on the coefficients alone, not on when it is filled: it is what `responses.fill_lags` would have put there.
 
-The response at l = 0, StringModel.matrix, is in the table from the start (`put_off`): what asks which contacts press needs
-no other.
+The response at l = 0, StringModel.matrix, is what asks which contacts press needs: of two or more at a time. A string on a
+shared body has all of it from the start (`put_off`); of others each row waits until its contact is asked beside another
+(`put_off_rows`), and the diagonal alone is there.
 """
 
 from __future__ import annotations
@@ -18,26 +19,33 @@ from synth.solver.laws import EXACT_HOLD, contact_matrix
 from synth.solver.quick_coefficients import quick_coefficients
 from synth.solver.responses import fill_response, fill_rows
 from synth.solver.stringmodel import scratch_of, string_model, string_state
-from synth.solver.vectors import INNER
+from synth.solver.vectors import FAST, INNER
+
+#: StringState.due: all is there; responses wait; the row of the matrix waits, too
+READY, RESPONSES_DUE, ROW_DUE = range(3)
 
 
 @njit(**INNER)
-def fill_step(model: int, sigma, relief: float) -> None:
-    """Coefficients of a step and the contacts' matrix of a string that is bent or damped, from its own ω and these σ (≥N,)
-    [1/s]; relief: share of the residual compliance, which goes with 1/T, that a bend has added."""
+def fill_step(model: int, sigma) -> None:
+    """Coefficients of a step of a string that is bent or damped, from its own ω and these σ (≥N,) [1/s]."""
     m = string_model(model)
-    n, rows, matrix = m.modes, m.rows, m.matrix
+    n, rows = m.modes, m.rows
     rows[:6, n:] = 0.0
     quick_coefficients(m.law, m.omega[:n], sigma[:n], m.mu, m.dt, rows)
     fill_rows(rows)
+
+
+@njit(cache=True, nogil=True)
+def fill_contact_matrix(model: int, relief: float) -> None:
+    """All of the matrix of a model with contacts whose rows are there; relief: share of the residual compliance, which goes
+    with 1/T, that a bend has added."""
+    m = string_model(model)
     contacts = m.shapes.shape[0]
-    if contacts == 0:
-        return
-    contact_matrix(m.law, rows, m.shapes, m.residual, matrix)
+    contact_matrix(m.law, m.rows, m.shapes, m.residual, m.matrix)
     if m.law == EXACT_HOLD:
         for a in range(contacts):
             for b in range(contacts):
-                matrix[a, b] += relief * m.residual[a, b]
+                m.matrix[a, b] += relief * m.residual[a, b]
 
 
 @njit(cache=True, nogil=True)
@@ -46,9 +54,55 @@ def put_off(model: int, state: int) -> None:
     m, s = string_model(model), string_state(state)
     contacts = m.lags.shape[0]
     for c in range(contacts):
-        s.due[c] = 1
+        s.due[c] = RESPONSES_DUE
         for d in range(contacts):
             m.lags[c, d, BLOCK] = m.matrix[c, d]
+
+
+@njit(fastmath=FAST, **INNER)
+def _moved(gain, here, there) -> float:
+    """Σ φ_j κ_j φ′_j: what a unit force at one of two contacts moves the other by within its step."""
+    total = 0.0
+    for j in range(here.size):
+        total += here[j] * gain[j] * there[j]
+    return total
+
+
+@njit(cache=True, nogil=True)
+def put_off_rows(model: int, state: int, relief: float) -> None:
+    """`put_off` of an exact-hold model of which only the rows of coefficients are there, its matrix too, but for the
+    diagonal. What a pair's entry is still to be added to stands in its place: the residual, and below it its relief."""
+    m, s = string_model(model), string_state(state)
+    for c in range(m.shapes.shape[0]):
+        s.due[c] = ROW_DUE
+        for d in range(c):
+            m.matrix[d, c] = m.residual[c, d]
+            m.matrix[c, d] = relief * m.residual[c, d]
+        shape = m.shapes[c]
+        entry = _moved(m.rows[KQ], shape, shape) + m.residual[c, c]
+        m.matrix[c, c] = entry + relief * m.residual[c, c]
+        m.lags[c, c, BLOCK] = m.matrix[c, c]
+
+
+@njit(cache=True, nogil=True)
+def fill_row(model: int, state: int, c: int) -> None:
+    """The row and column of contact c in the matrix and, at l = 0, in the responses, of which they have waited."""
+    m, s = string_model(model), string_state(state)
+    for d in range(m.shapes.shape[0]):
+        if d != c and s.due[d] == ROW_DUE:
+            a, b = max(c, d), min(c, d)
+            entry = _moved(m.rows[KQ], m.shapes[a], m.shapes[b]) + m.matrix[b, a] + m.matrix[a, b]
+            m.matrix[a, b] = m.matrix[b, a] = entry
+            m.lags[a, b, BLOCK] = m.lags[b, a, BLOCK] = entry
+    s.due[c] = RESPONSES_DUE
+
+
+@njit(cache=True, nogil=True)
+def fill_all_rows(model: int, state: int) -> None:
+    """The whole matrix, for what goes step by step."""
+    for c in range(string_model(model).shapes.shape[0]):
+        if string_state(state).due[c] == ROW_DUE:
+            fill_row(model, state, c)
 
 
 @njit(**INNER)
@@ -77,6 +131,8 @@ def fill_due(model: int, state: int, scratch: int, c: int) -> None:
     n, contacts = m.rows.shape[1], m.shapes.shape[0]
     q, v, spare = w.q[:n], w.v[:n], w.moved.reshape(-1)[: 2 * BLOCK].reshape(2, BLOCK)
     velocity = 0 if m.law == EXACT_HOLD else 1
+    if s.due[c] == ROW_DUE:
+        fill_row(model, state, c)
     zero, one = int(np.int64(0)), int(np.int64(1))  # literals would have it compiled once more for each
     for d in range(c):  # an earlier contact's force moves this one as this one's would move that
         if s.due[d]:
@@ -90,7 +146,7 @@ def fill_due(model: int, state: int, scratch: int, c: int) -> None:
     for p in range(m.first, m.first + m.points):
         on_v = one if p >= m.first + m.on_q else zero
         fill_response(on_v, m.rows, q, v, m.weights[p : p + 1], zero, spare, m.out_lags[p : p + 1, c])
-    s.due[c] = 0
+    s.due[c] = READY
 
 
 @njit(inline="always")

@@ -111,7 +111,7 @@ def _sequence(model: int, state: int, scratch: int, several: int, at: int) -> in
     total = grip_own[BLOCK] + compliance
     per_blend, per_total = 1.0 / blend, 1.0 / total
     ahead = 0.5 * dt if law == MOREAU_JEAN_FILTERED else 0.0
-    fill_matrix(lags, near, several, w.matrix)
+    fill_matrix(model, state, near, several, w.matrix)
     matrix = w.matrix[: several * several].reshape(several, several)
     enabled, active = w.enabled[:several], w.active[:several]
     for i in range(several):

@@ -33,7 +33,7 @@ from synth.solver.coupling import (
     end_at,
     moving_modes,
 )
-from synth.solver.due_responses import fill_step, put_off
+from synth.solver.due_responses import fill_contact_matrix, fill_step, put_off
 from synth.solver.fingers import fill_grip
 from synth.solver.lanes import padded
 from synth.solver.laws import EXACT_HOLD
@@ -177,8 +177,9 @@ def ensure_tables(coupling: int, line: int, scratch: int) -> None:
     if e.counts[DUE] == READY:
         return
     if e.counts[DUE] == ALL_DUE:
-        fill_step(model, e.sigma, e.numbers[RELIEF])
+        fill_step(model, e.sigma)
         if m.shapes.shape[0] > 0:
+            fill_contact_matrix(model, e.numbers[RELIEF])
             put_off(model, c.line_state[line])
     n = m.modes
     e.flight[:6, n:] = 0.0

@@ -36,8 +36,10 @@ def fill_single_rows(rows, modes: int, singles) -> None:
     them, zero behind those."""
     for r in range(ROWS):
         less = 1.0 if r == ADV11 or r == ADV22 else 0.0
-        for j in range(padded_single(modes)):
-            singles[r, j] = rows[r, j] - less if j < modes else 0.0
+        for j in range(modes):
+            singles[r, j] = rows[r, j] - less
+        for j in range(modes, padded_single(modes)):
+            singles[r, j] = 0.0
 
 
 @njit(**INNER)

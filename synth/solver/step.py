@@ -8,6 +8,7 @@ from synth.solver.block_rows import BLOCK
 from synth.solver.blocks import advance_blocks, fly_modes, press_blocks, press_two
 from synth.solver.by_law import by_law
 from synth.solver.certificates import forget
+from synth.solver.due_responses import fill_all_rows
 from synth.solver.fingers import advance_under_finger
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.lcp import SOLVED
@@ -44,6 +45,7 @@ def _remainder(model: int, state: int, scratch: int, done: int, steps: int, plac
     m, s, w = string_model(model), string_state(state), scratch_of(scratch)
     if not s.counts[FREE]:
         s.counts[MOVING] = m.modes
+        fill_all_rows(model, state)
     for c in range(m.shapes.shape[0]):
         w.watch[c] = 0 if s.counts[FREE] else 1
         w.active[c] = 1 if s.force[c] > 0.0 else 0

@@ -99,9 +99,7 @@ class StringState(NamedTuple):
     bounds: Annotated[np.ndarray, f8("contacts, 3")]  # how deep it may ever go, how far move within each of HORIZONS [m]
     renewed: Annotated[np.ndarray, i8("contacts")]  # step at which these were taken, −1: they do not hold
     counts: Annotated[np.ndarray, i8("N_COUNTS")]
-    due: Annotated[
-        np.ndarray, u1("contacts")
-    ]  # whether the responses to a force there are still to be filled (`due_responses`)
+    due: Annotated[np.ndarray, u1("contacts")]  # what of the responses to a force there still waits (`due_responses`)
     finger: Annotated[np.ndarray, struct(FINGER, "1")]
     finger_weights: Annotated[np.ndarray, f8("modes")]  # mode shapes averaged over its width
     finger_coupling: Annotated[np.ndarray, f8("contacts")]  # S diag(k) weightsᵀ, of one step

@@ -10,6 +10,8 @@ from synth.engine.engine import Engine
 from synth.instrument.preset import PresetError, parse_preset
 from synth.midi.events import BEND, CONTROL, KEY_PRESSURE, NOTE_OFF, NOTE_ON, PARAMETER, PRESSURE
 from synth.solver.board_table import SPEAKING, STRUCK, Board
+from synth.solver.stringmodel import FREE as REACHES_NOTHING
+from synth.solver.stringmodel import MOVING
 
 from .kit import (
     FREE,
@@ -203,6 +205,41 @@ def test_a_quiet_string_flies_and_sleeps_and_wakes() -> None:
     assert awake(made) == []
     again = play(made, [(0, NOTE_ON, 0, 36, 20)], 22050)
     assert np.abs(again).max() > 1e-3
+
+
+def test_a_string_that_reaches_nothing_under_a_moving_wheel_is_not_looked_at() -> None:
+    """…and sounds as one that is; where the wheel brings the board nearer it is looked at again."""
+    rows = [(0, NOTE_ON, 0, 40, 20)]
+    rows += [(6000 + 176 * k, BEND, 0, round(8000 * np.sin(0.05 * k))) for k in range(120)]
+    free, looked = engine(ONE), engine(ONE)
+    strings = [string_of(each, 0) for each in (free, looked)]
+    sides: list[list[np.ndarray]] = [[], []]
+    was_free = 0
+    for at in range(0, 32_000, 32):
+        due = [(row[0] - at, *row[1:]) for row in rows if at <= row[0] < at + 32]
+        for made, side in zip((free, looked), sides, strict=True):
+            side.append(play(made, due, 32, 32))
+        if at > 7000:
+            was_free += int(strings[0].counts[REACHES_NOTHING])
+            if not looked._state.sounding["flying"][0]:
+                strings[1].counts[REACHES_NOTHING] = 0
+                strings[1].counts[MOVING] = model_of(looked, 0).modes
+    assert was_free > 600
+    one, other = (np.concatenate(side) for side in sides)
+    assert np.abs(one - other).max() < 1e-12 * np.abs(other).max()
+    for lift, reaches_nothing in ((0.0, 1), (2000.0, 0)):
+        raised = engine(ONE)
+        play(raised, [(0, NOTE_ON, 0, 40, 45)], 2000)
+        string = string_of(raised, 0)
+        for block in range(1000):  # until it has just come to reach nothing
+            if string.counts[REACHES_NOTHING]:
+                break
+            play(raised, [(0, BEND, 0, 100 + block % 50 * 20)], 32, 32)
+        assert string.counts[REACHES_NOTHING] == 1
+        play(raised, [(0, PARAMETER, 0, layout.HEIGHT, 0, lift)], 32)
+        for bend in range(300, 310):
+            play(raised, [(0, BEND, 0, bend)], 32, 32)
+        assert string.counts[REACHES_NOTHING] == reaches_nothing
 
 
 def test_a_flight_sounds_as_no_flight() -> None:

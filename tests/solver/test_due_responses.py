@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
+from synth.solver.block_rows import BLOCK
 from synth.solver.blocks import advance_blocks
-from synth.solver.due_responses import fill_due, put_off
+from synth.solver.due_responses import ROW_DUE, fill_all_rows, fill_contact_matrix, fill_due, fill_row, put_off, put_off_rows
 from synth.solver.fingers import fill_grip
 from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN
+from synth.solver.step import advance
 from synth.solver.stringmodel import Strung
 from tests.solver.test_blocks import Scene
 from tests.solver.test_fingers import Touch, under_finger
@@ -25,6 +27,54 @@ def wait(string: Strung) -> Strung:
     model, state, _ = string.addresses
     put_off(model, state)
     return string
+
+
+def wait_for_rows(string: Strung, relief: float = 0.0) -> Strung:
+    """…and so is the matrix."""
+    string.model.matrix[:] = WRONG
+    string.model.lags[:] = WRONG
+    string.model.out_lags[:] = WRONG
+    model, state, _ = string.addresses
+    put_off_rows(model, state, relief)
+    return string
+
+
+@pytest.mark.parametrize(("contacts", "modes"), [(2, 7), (5, 40), (6, 131)])
+def test_rows_of_the_matrix_are_those_filled_at_once(contacts: int, modes: int) -> None:
+    scene = Scene(contacts, EXACT_HOLD, contacts, modes)
+    at_once = made(scene, 2)
+    assert at_once.model.residual.any()
+    fill_contact_matrix(at_once.addresses[0], 0.25)
+    wanted = at_once.model.matrix
+    for order in range(4):
+        string = wait_for_rows(made(scene, 2), 0.25)
+        model, state, _ = string.addresses
+        np.testing.assert_allclose(string.model.matrix.diagonal(), wanted.diagonal(), rtol=1e-13)
+        for number, c in enumerate(np.random.default_rng(order).permutation(contacts)[:-1]):
+            assert np.count_nonzero(string.state.due == ROW_DUE) == contacts - number
+            fill_row(model, state, c)
+            for table in (string.model.matrix, string.model.lags[:, :, BLOCK]):
+                np.testing.assert_allclose(table[c], wanted[c], rtol=1e-13)
+                np.testing.assert_array_equal(table[c], table[:, c])
+        fill_all_rows(model, state)
+        np.testing.assert_allclose(string.model.matrix, wanted, rtol=1e-13)
+        assert not (string.state.due == ROW_DUE).any()
+
+
+@pytest.mark.parametrize("steps", [5, 29])
+def test_steps_that_are_no_whole_block_have_the_whole_matrix(steps: int) -> None:
+    pressed = 0
+    for seed in range(4):
+        scene = Scene(seed, EXACT_HOLD, 5, 40)
+        at_once, string = made(scene, 2, steps), made(scene, 2, steps)
+        for _ in range(240 // steps):
+            wait_for_rows(string)
+            for each in (at_once, string):
+                assert advance(*each.addresses, steps, 0) == 0
+            pressed += int(np.count_nonzero(at_once.forces(steps)))
+            np.testing.assert_array_equal(string.forces(steps) > 0.0, at_once.forces(steps) > 0.0)
+            np.testing.assert_allclose(string.out(steps), at_once.out(steps), atol=1e-10 * np.abs(at_once.out(steps)).max())
+    assert pressed > 30
 
 
 @pytest.mark.parametrize("law", [EXACT_HOLD, MOREAU_JEAN])
@@ -63,10 +113,10 @@ def test_a_string_moves_as_with_all_of_them(contacts, certified, fingered):
         scene = Scene(seed, EXACT_HOLD, contacts, 40)
         touch = Touch(scene, seed, steps, "press")
         sides = []
-        for late in (False, True):
+        for late in (None, wait, wait_for_rows):
             string = made(scene, 2, steps, certified, path=touch.path)
             if late:
-                wait(string)
+                late(string)
             model, state, scratch = string.addresses
             if fingered:
                 touch.hold(string)
@@ -77,7 +127,8 @@ def test_a_string_moves_as_with_all_of_them(contacts, certified, fingered):
             sides.append((string.q.copy(), string.v.copy(), string.forces(steps).copy(), string.out(steps).copy()))
         left += int(string.state.due.sum())
         pressed += int((string.forces(steps) > 0.0).any(axis=0).sum())
-        for mine, all_at_once in zip(sides[1], sides[0], strict=True):
+        for mine, by_rows, all_at_once in zip(sides[1], sides[2], sides[0], strict=True):
             np.testing.assert_array_equal(mine, all_at_once)
+            np.testing.assert_allclose(by_rows, all_at_once, atol=1e-9 * np.abs(all_at_once).max())
     assert pressed > 0
     assert contacts < 20 or left > 0, "all contacts have pressed: nothing was left to be filled later"
