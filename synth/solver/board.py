@@ -14,8 +14,8 @@ beginning, by two sine transforms. In between a node is nowhere lower than on th
 n the grid's intervals, i the node, w_j the finger's weights, p̄ the mean push: a mode's energy about the place where the
 mean push holds it does not grow, and |sin jx| ≤ j |sin x|. A node for which that leaves it open has its displacement worked
 out at all K steps; a block in which one comes under the surface, or in which one was under it when it began, goes step by
-step with transforms at each. So no impulse depends on what is looked at, and what is decided of a block on nothing but the
-string.
+step with transforms, one for two steps while nothing touches. So no impulse depends on what is looked at, and what is
+decided of a block on nothing but the string.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ import math
 import numpy as np
 from numba import njit
 
-from synth.solver.block_rows import BLOCK
+from synth.solver.block_rows import BLOCK, KQ, KV
 from synth.solver.blocks import fly_blocks
-from synth.solver.board_table import BY_PUSH, BY_Q, BY_V, HOLDING, MOST_FOLLOWED, SPEAKING, STEPPED, STRUCK, board_at
+from synth.solver.board_table import BY_PUSH, BY_Q, BY_V, HOLDING, SPEAKING, STEPPED, STRUCK, board_at
 from synth.solver.certificates import MARGIN
 from synth.solver.lanes import add_forced, any_below, coast, drive, grip_sequence, padded, project_q, project_qv
 from synth.solver.laws import EXACT_HOLD
@@ -67,7 +67,7 @@ def _strike(board: int, q, v, mu: float, dt: float) -> bool:
     b = board_at(board)
     n = b.eta.size
     tables = Sine(b.half, b.twiddles, b.matrix, b.work)
-    u, w, change, kick, spare = b.nodes[0], b.nodes[1], b.nodes[2], b.nodes[3], b.nodes[4]
+    u, w, change = b.nodes[0], b.nodes[1], b.nodes[2]
     transform(tables, q[:n], v[:n], u, w)
     scale = math.sqrt(2.0 / b.numbers[SPEAKING])
     hit, holding = False, 0
@@ -85,46 +85,112 @@ def _strike(board: int, q, v, mu: float, dt: float) -> bool:
     b.counts[HOLDING] = holding
     if hit:
         b.counts[STRUCK] += 1
-        transform(tables, change, change, kick, spare)
-        gain = b.numbers[SPEAKING] / b.intervals * scale
-        for j in range(n):
-            v[j] += gain * kick[j]
+        _kick(b, change, b.numbers[SPEAKING] / b.intervals * scale, v)
     return hit
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
-def _one_by_one(model: int, state: int, scratch: int, board: int, begin: int, stride: int, steps: int) -> None:
-    """`steps` steps from number `begin` of rows of `stride`, looked at everywhere after each."""
-    m, s, w, b = string_model(model), string_state(state), scratch_of(scratch), board_at(board)
-    n, dt, points = m.rows.shape[1], m.dt, m.points
-    rows, q, v = m.rows, s.q[:n], s.v[:n]
-    out = w.out[: points * stride].reshape(points, stride)
-    weights = b.weights[m.first : m.first + points]
-    finger, touch = s.finger[0], s.finger_weights[:n]
-    fingered = finger.on != 0
-    blend, compliance = 1.0, 0.0
-    if fingered:
-        blend, compliance = finger_blend(EXACT_HOLD, dt, finger.stiffness, finger.resistance)
-    s.counts[MOVING] = m.modes
-    for t in range(begin, begin + steps):
-        fly(rows, q, v)
-        if fingered:
-            here = finger.here
-            target = finger_target(EXACT_HOLD, dt, finger.stiffness, finger.resistance, w.path[t], w.path[t + 1], here)
-            push = (target / blend - dot(touch, q)) / (finger.own + compliance)
-            push_modes(q, v, rows[4], rows[5], touch, push)
-            finger.push = push
-            finger.here = dot(touch, q)
-        _strike(board, q, v, m.mu, dt)
-        for p in range(points):
-            out[p, t] = dot(weights[p], q) if p < m.on_q else dot(weights[p], v)
+@njit(inline="always")
+def _kick(b, change, gain: float, v) -> None:
+    """v (≥n,) += gain times the sine transform of the nodes' changes of speed (n,): one by one where these are few."""
+    n, count = change.size, 0
+    for c in range(n):
+        if change[c] != 0.0 and count < b.struck.size:
+            b.struck[count] = c
+            count += 1
+    if count < b.struck.size:
+        for i in range(count):
+            strength, shape = gain * change[b.struck[i]], b.shapes[b.struck[i]]
+            for j in range(n):
+                v[j] += strength * shape[j]
+        return
+    kick, spare = b.nodes[3], b.nodes[4]
+    transform(Sine(b.half, b.twiddles, b.matrix, b.work), change, change, kick, spare)
+    for j in range(n):
+        v[j] += gain * kick[j]
 
 
 @njit(**INNER)
-def _stays_clear(board: int, model: int, n: int, before, q, followed: int, everywhere: float, slope: float) -> bool:
+def _lies_clear(board: int, q, later) -> bool:
+    """Whether no node is under the surface at q (≥n,), nor at `later`: two states are as dear as one."""
+    b = board_at(board)
+    n, u, w = b.eta.size, b.nodes[0], b.nodes[1]
+    transform(Sine(b.half, b.twiddles, b.matrix, b.work), q[:n], later[:n], u, w)
+    scale, under = math.sqrt(2.0 / b.numbers[SPEAKING]), 0
+    for c in range(n):
+        under += scale * min(u[c], w[c]) < b.eta[c]
+    return under == 0
+
+
+@njit(fastmath=FAST, **INNER)
+def _step(model: int, state: int, scratch: int, t: int) -> None:
+    """Step number t of a free flight, with the finger that is on."""
+    m, s, w = string_model(model), string_state(state), scratch_of(scratch)
+    n, dt, rows = m.rows.shape[1], m.dt, m.rows
+    q, v = s.q[:n], s.v[:n]
+    fly(rows, q, v)
+    finger, touch = s.finger[0], s.finger_weights[:n]
+    if finger.on != 0:
+        blend, compliance = finger_blend(EXACT_HOLD, dt, finger.stiffness, finger.resistance)
+        target = finger_target(EXACT_HOLD, dt, finger.stiffness, finger.resistance, w.path[t], w.path[t + 1], finger.here)
+        push = (target / blend - dot(touch, q)) / (finger.own + compliance)
+        push_modes(q, v, rows[KQ], rows[KV], touch, push)
+        finger.push = push
+        finger.here = dot(touch, q)
+
+
+@njit(fastmath=FAST, **INNER)
+def _hear(model: int, state: int, weights, out, t: int) -> None:
+    """out (points, ≥t + 1): the outputs in use of the string as it is, at t."""
+    m, s = string_model(model), string_state(state)
+    n = m.rows.shape[1]
+    for p in range(m.points):
+        out[p, t] = dot(weights[p], s.q[:n]) if p < m.on_q else dot(weights[p], s.v[:n])
+
+
+@njit(cache=True, nogil=True)
+def _one_by_one(model: int, state: int, scratch: int, board: int, begin: int, stride: int, steps: int) -> None:
+    """`steps` steps from number `begin` of rows of `stride`, looked at everywhere after each: two at a time while the string
+    lies clear, and the second is taken back where the first does not."""
+    m, s, w, b = string_model(model), string_state(state), scratch_of(scratch), board_at(board)
+    n, points, end = m.rows.shape[1], m.points, begin + steps
+    q, v, finger = s.q[:n], s.v[:n], s.finger[0]
+    out = w.out[: points * stride].reshape(points, stride)
+    weights = b.weights[m.first : m.first + points]
+    s.counts[MOVING] = m.modes
+    t, clear = begin, True
+    while t < end:
+        _step(model, state, scratch, t)
+        _hear(model, state, weights, out, t)
+        two = clear and b.counts[HOLDING] == 0 and t + 1 < end
+        if two:
+            here, push = finger.here, finger.push
+            for j in range(n):
+                b.before[0, j] = q[j]
+                b.before[1, j] = v[j]
+            _step(model, state, scratch, t + 1)
+            if _lies_clear(board, b.before[0], q):
+                _hear(model, state, weights, out, t + 1)
+                t += 2
+                continue
+            for j in range(n):
+                q[j] = b.before[0, j]
+                v[j] = b.before[1, j]
+            finger.here, finger.push = here, push
+        hit = _strike(board, q, v, m.mu, m.dt)
+        if hit:
+            _hear(model, state, weights, out, t)
+        clear = not hit and not two
+        t += 1
+
+
+@njit(**INNER)
+def _stays_clear(
+    board: int, model: int, n: int, before, q, fingered: bool, pushed, pushes, everywhere: float, slope: float
+) -> bool:
     """Whether the string, at (q, v) = before (2, n) a block ago and at q now, touches nothing in between or at its end.
 
-    followed: how many nodes that the bound leaves open are looked at step by step; none where a finger moves them.
+    Nodes that the bound leaves open are looked at step by step, as long as they are few. fingered: whether a finger has
+    pushed it, with pushes (K,) [N]; by the end of its step 1 N moves it to pushed (2, n).
     """
     m, b = string_model(model), board_at(board)
     tables = Sine(b.half, b.twiddles, b.matrix, b.work)
@@ -136,13 +202,17 @@ def _stays_clear(board: int, model: int, n: int, before, q, followed: int, every
     count = 0
     for c in range(nodes):
         if scale * min(u[c], later[c]) - b.eta[c] <= min(by_place, by_slope * b.half[c + 1]):
-            if scale * later[c] < b.eta[c] or count == followed:
+            if scale * later[c] < b.eta[c] or count == b.followed.size:
                 return False
             b.followed[count] = c
             count += 1
     for i in range(count):
         c = b.followed[i]
         project_q(n, m.rows, before[0], before[1], b.shapes[c], b.row)
+        if fingered:
+            b.response[BLOCK] = dot(b.shapes[c, :n], pushed[0])
+            project_q(n, m.rows, pushed[0], pushed[1], b.shapes[c], b.response[BLOCK + 1 :])
+            add_forced(b.row, b.response, pushes)
         if any_below(b.row, b.eta[c] / scale):
             return False
     return True
@@ -162,7 +232,7 @@ def _block(model: int, state: int, scratch: int, board: int, at: int, stride: in
         before[0, j] = q[j]
         before[1, j] = v[j]
     coast(n, rows, q, v)
-    if not _stays_clear(board, model, n, before, q[:whole], int(np.int64(MOST_FOLLOWED)), everywhere, slope):
+    if not _stays_clear(board, model, n, before, q[:whole], False, before, b.row, everywhere, slope):
         for j in range(n):
             q[j] = before[0, j]
             v[j] = before[1, j]
@@ -216,7 +286,10 @@ def _block_under_finger(model: int, state: int, scratch: int, board: int, at: in
         before[0, j] = q[j]
         before[1, j] = v[j]
     drive(n, rows, q, v, touch, pushes)
-    if not _stays_clear(board, model, n, before, q, int(np.int64(0)), everywhere, slope):
+    for j in range(n):
+        b.pushed[0, j] = rows[KQ, j] * touch[j]
+        b.pushed[1, j] = rows[KV, j] * touch[j]
+    if not _stays_clear(board, model, n, before, q, True, b.pushed, pushes, everywhere, slope):
         for j in range(n):
             q[j] = before[0, j]
             v[j] = before[1, j]

@@ -16,7 +16,9 @@ from synth.solver.lanes import padded
 from synth.solver.sine import make_sine
 
 #: nodes that are followed through a block; of more, all are looked at in every step
-MOST_FOLLOWED = 24
+MOST_FOLLOWED = 16
+#: of fewer nodes that are struck at once each moves the modes by itself; more do by a transform
+MOST_STRUCK = 16
 #: height of nodes beyond the end of the board [m]
 NO_BOARD_M = -1e3
 #: places in Board.numbers: speaking length [m]
@@ -69,7 +71,10 @@ class Board(NamedTuple):
     nodes: Annotated[np.ndarray, f8("5, modes")]
     work: Annotated[np.ndarray, f8("4, intervals")]
     before: Annotated[np.ndarray, f8("2, padded")]
+    pushed: Annotated[np.ndarray, f8("2, padded")]  # state after a step in which a finger has pushed with 1 N
+    response: Annotated[np.ndarray, f8("2*BLOCK + 1")]  # displacement of a node by it, at K + l l steps later
     followed: Annotated[np.ndarray, i8("MOST_FOLLOWED")]
+    struck: Annotated[np.ndarray, i8("MOST_STRUCK")]
     row: Annotated[np.ndarray, f8("BLOCK")]
 
 
@@ -77,7 +82,7 @@ board_at = opener(Board)
 
 #: what is constant, what carries nothing from call to call; the rest is state
 CONSTANT = ("half", "twiddles", "matrix", "shapes")
-ROOM = ("nodes", "work", "before", "followed", "row")
+ROOM = ("nodes", "work", "before", "pushed", "response", "followed", "struck", "row")
 
 
 def board_sizes(intervals: int) -> dict[str, int]:
@@ -93,6 +98,7 @@ def board_sizes(intervals: int) -> dict[str, int]:
         "N_SLACK": N_SLACK,
         "N_COUNTS": N_COUNTS,
         "MOST_FOLLOWED": MOST_FOLLOWED,
+        "MOST_STRUCK": MOST_STRUCK,
         "BLOCK": BLOCK,
     }
 

@@ -7,14 +7,20 @@ complex FFT of length n where n is a power of two of 64 and more, and otherwise 
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
+from llvmlite import ir
+from numba import njit, types
+from numba.core import cgutils
 
-from synth.solver.vectors import FAST
+from synth.native.interpreted import intrinsic
+from synth.native.simd import INT, Code
+from synth.solver.vectors import FAST, INNER
 
 _FFT_FROM = 64
+#: of what Python calls, too, without counting references to arrays
+_CALLED: dict[str, Any] = {"cache": True, "nogil": True, "_nrt": False}
 
 
 class Sine(NamedTuple):
@@ -51,9 +57,9 @@ def _butterfly(x0, y0, x1, y1, x2, y2, x3, y3):
     return er + gr, ei + gi, fr + hi, fi - hr, er - gr, ei - gi, fr - hi, fi + hr
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
+@njit(fastmath=FAST, **INNER)
 def _first_pass(ar, ai, br, bi, w) -> None:
-    """`_pass` of stride 1, the loop over what a stride holds turned inside out."""
+    """The pass of stride 1, in a loop that the compiler turns into vectors."""
     quarter = w.shape[1]
     ar0, ar1, ar2, ar3 = ar[:quarter], ar[quarter : 2 * quarter], ar[2 * quarter : 3 * quarter], ar[3 * quarter :]
     ai0, ai1, ai2, ai3 = ai[:quarter], ai[quarter : 2 * quarter], ai[2 * quarter : 3 * quarter], ai[3 * quarter :]
@@ -70,44 +76,55 @@ def _first_pass(ar, ai, br, bi, w) -> None:
         bi[4 * p + 3] = c3[p] * i3 + s3[p] * r3
 
 
-@njit(inline="always")
-def _pass(ar, ai, br, bi, w, stride):
-    quarter = ar.size // 4
-    for p in range(quarter // stride):
-        k = p * stride
-        c1, s1, c2, s2, c3, s3 = w[0, k], w[1, k], w[2, k], w[3, k], w[4, k], w[5, k]
-        to = 4 * k
-        for q in range(stride):
-            r0, i0, r1, i1, r2, i2, r3, i3 = _butterfly(
-                ar[k + q], ai[k + q], ar[k + quarter + q], ai[k + quarter + q],
-                ar[k + 2 * quarter + q], ai[k + 2 * quarter + q], ar[k + 3 * quarter + q], ai[k + 3 * quarter + q],
-            )  # fmt: skip
-            br[to + q] = r0
-            bi[to + q] = i0
-            br[to + stride + q] = c1 * r1 - s1 * i1
-            bi[to + stride + q] = c1 * i1 + s1 * r1
-            br[to + 2 * stride + q] = c2 * r2 - s2 * i2
-            bi[to + 2 * stride + q] = c2 * i2 + s2 * r2
-            br[to + 3 * stride + q] = c3 * r3 - s3 * i3
-            bi[to + 3 * stride + q] = c3 * i3 + s3 * r3
+def _plain_pass(ar, ai, br, bi, w, stride: int) -> None:
+    """One pass of any stride."""
+    quarter = w.shape[1]
+    for k in range(0, quarter, stride):
+        for q in range(k, k + stride):
+            others = _butterfly(*(each[q + p * quarter] for p in range(4) for each in (ar, ai)))
+            to = q + 3 * k
+            br[to], bi[to] = others[:2]
+            for p in range(1, 4):
+                to += stride
+                x, y, c, s = others[2 * p], others[2 * p + 1], w[2 * p - 2, k], w[2 * p - 1, k]
+                br[to], bi[to] = c * x - s * y, c * y + s * x
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
-def _pass_by(ar, ai, br, bi, w, stride) -> None:
-    """One pass; strides are numbers the compiler knows, so that it turns the inner loop into vectors."""
-    if stride == 4:
-        _pass(ar, ai, br, bi, w, 4)
-    elif stride == 16:
-        _pass(ar, ai, br, bi, w, 16)
-    elif stride == 64:
-        _pass(ar, ai, br, bi, w, 64)
-    elif stride == 256:
-        _pass(ar, ai, br, bi, w, 256)
-    else:
-        _pass(ar, ai, br, bi, w, stride)
+@intrinsic(plain=_plain_pass)
+def _pass(typingctx, ar, ai, br, bi, w, stride):
+    """One pass of a stride that is a multiple of 4, in vectors of four."""
+
+    def emit(context, builder, signature, args):
+        code, b = Code(context, builder, signature, args, doubles=4), builder
+        at_r, at_i, to_r, to_i, at_w = (code.data(i) for i in range(5))
+        quarter, four = code.row_length(4), ir.Constant(INT, 4)
+        with cgutils.for_range_slice(b, ir.Constant(INT, 0), quarter, args[5], INT) as (k, _):
+            turns = [code.splat(b.load(b.gep(row, [k]))) for row in code.rows(at_w, quarter, range(6))]
+            with cgutils.for_range_slice(b, ir.Constant(INT, 0), args[5], four, INT) as (q, _):
+                at, here = b.add(k, q), []
+                for _p in range(4):
+                    here.append((code.load(at_r, at), code.load(at_i, at)))
+                    at = b.add(at, quarter)
+                (x0, y0), (x1, y1), (x2, y2), (x3, y3) = here
+                er, ei, fr, fi = b.fadd(x0, x2), b.fadd(y0, y2), b.fsub(x0, x2), b.fsub(y0, y2)
+                gr, gi, hr, hi = b.fadd(x1, x3), b.fadd(y1, y3), b.fsub(x1, x3), b.fsub(y1, y3)
+                to = b.add(b.mul(k, four), q)
+                code.store(b.fadd(er, gr), to_r, to)
+                code.store(b.fadd(ei, gi), to_i, to)
+                others = (
+                    (b.fadd(fr, hi), b.fsub(fi, hr)), (b.fsub(er, gr), b.fsub(ei, gi)), (b.fsub(fr, hi), b.fadd(fi, hr)),
+                )  # fmt: skip
+                for p, (x, y) in enumerate(others):
+                    c, s = turns[2 * p], turns[2 * p + 1]
+                    to = b.add(to, args[5])
+                    code.store(code.fma(c, x, b.fneg(code.times(s, y))), to_r, to)
+                    code.store(code.fma(c, y, code.times(s, x)), to_i, to)
+        return context.get_dummy_value()
+
+    return types.void(ar, ai, br, bi, w, stride), emit
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
+@njit(fastmath=FAST, **INNER)
 def _last_pass(ar, ai, br, bi) -> None:
     """Radix 2, where n is no power of four."""
     m = ar.size // 2
@@ -119,7 +136,7 @@ def _last_pass(ar, ai, br, bi) -> None:
         bi[m + q] = ai[q] - ai[m + q]
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
+@njit(fastmath=FAST, **INNER)
 def _fft(ar, ai, br, bi, w) -> bool:
     """Radix-4 Stockham FFT of ar + i·ai, in natural order; True where the result is in br, bi."""
     _first_pass(ar, ai, br, bi, w)
@@ -131,12 +148,12 @@ def _fft(ar, ai, br, bi, w) -> bool:
         if 2 * stride == ar.size:
             _last_pass(ar, ai, br, bi)
         else:
-            _pass_by(ar, ai, br, bi, w, stride)
+            _pass(ar, ai, br, bi, w, stride)
         stride *= 4
     return swapped
 
 
-@njit(cache=True, nogil=True, fastmath=FAST)
+@njit(fastmath=FAST, **_CALLED)
 def transform(tables: Sine, a, b, out_a, out_b) -> None:
     """Sine transforms of a and b (n − 1,) into out_a and out_b, which may not be a or b."""
     n = tables.half.size

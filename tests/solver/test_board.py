@@ -200,6 +200,19 @@ def test_a_finger_that_draws_a_string_at_rest_goes_in_blocks(seed: int) -> None:
     assert whole.board.counts[STEPPED] < 0.3 * steps // BLOCK
 
 
+def test_a_block_under_a_finger_is_stepped_for_what_touches_alone() -> None:
+    """Nodes near the board are followed through the block, and the whole string is not looked at for them."""
+    stepped = blocks = 0
+    for seed in range(8):
+        scene = Scene(seed)
+        steps = scene.period
+        run = Run(scene, steps, finger(scene, steps, 2e-3))
+        run.advance(steps)
+        stepped += int(run.board.counts[STEPPED])
+        blocks += steps // BLOCK
+    assert stepped < 0.25 * blocks
+
+
 def test_the_scenes_touch() -> None:
     """What the comparisons above compare: most scenes strike, under a finger too."""
     struck = {amount: 0 for amount in (None, 2e-3, -2e-3)}
