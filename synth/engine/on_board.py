@@ -100,7 +100,8 @@ def stop_on_board(core: int, thread: int, s: int) -> None:
         if added != 0.0:
             raise_modes(omega[:n], added, omega)
     else:
-        omega[:n] = plain.omega[:n]
+        for j in range(n):  # a copy of slices could raise an error, whose text takes what portable kernels lack
+            omega[j] = plain.omega[j]
     for j in range(n):
         w = omega[j]
         scratch.sigma[j] = damping(plain.sigma[j], me.hand, w * dt if w > plain.omega[j] else 0.0)
