@@ -6,6 +6,8 @@ import numpy as np
 
 #: samples on either side that an interpolated value is made of, and the Kaiser window's β: −90 dB beside the passband
 _REACH, _BETA = 48, 9.0
+#: decimals of a sample to which an instant is taken: products of times and rates keep no more
+_DIGITS = 10
 
 
 def interpolated(u: np.ndarray, rate_hz: float, t: np.ndarray) -> np.ndarray:
@@ -23,10 +25,12 @@ def interpolated(u: np.ndarray, rate_hz: float, t: np.ndarray) -> np.ndarray:
     for some in np.array_split(np.arange(t.size), max(1, t.size // 20_000)):
         if not some.size:
             continue
-        index = nearest[some, None] + offsets
-        distance = place[some, None] - index
+        # between rates of a simple ratio few fractions of a sample come again and again
+        fractions, which = np.unique(np.round(place[some] - nearest[some], _DIGITS), return_inverse=True)
+        distance = fractions[:, None] - offsets
         inside = np.sqrt(np.maximum(0.0, 1.0 - (distance / (reach + 1)) ** 2))
-        taps = np.sinc(distance) * np.i0(_BETA * inside) / np.i0(_BETA)
-        index = np.clip(index + reach, 0, padded.size - 1)
-        out[some] = np.sum(taps * padded[index], axis=1) / np.sum(taps, axis=1)
+        taps = np.sinc(distance) * np.i0(_BETA * inside)
+        taps /= np.sum(taps, axis=1, keepdims=True)
+        index = np.clip(nearest[some, None] + offsets + reach, 0, padded.size - 1)
+        out[some] = np.sum(taps[which] * padded[index], axis=1)
     return out
