@@ -11,6 +11,8 @@ import pytest
 wasmtime = pytest.importorskip("wasmtime", reason="runs WebAssembly (pip install wasmtime)")
 
 WHY = 512
+#: an address comes as a signed number: one beyond half of them is negative
+ADDRESSES = 2**32
 
 
 _ENGINE = wasmtime.Engine()
@@ -61,10 +63,10 @@ class Module:
         return at
 
     def write(self, at: int, data: bytes) -> None:
-        self.memory.write(self.store, data, at)
+        self.memory.write(self.store, data, at % ADDRESSES)
 
     def read(self, at: int, size: int) -> bytes:
-        return bytes(self.memory.read(self.store, at, at + size))
+        return bytes(self.memory.read(self.store, at % ADDRESSES, at % ADDRESSES + size))
 
     def text(self, at: int) -> str:
         """Up to its zero."""
