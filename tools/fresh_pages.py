@@ -30,7 +30,18 @@ PATIENCE_S = 1800.0
 _SPAN = re.compile(r"`([^`]+)`")
 _COMMAND = re.compile(r"(\./)?tools/|synth |pip install|apt-get|eval ")
 #: variables that would lend a command something of the calling environment
-_LENT = ("VIRTUAL_ENV", "PYTHONPATH", "PYTHONHOME", "JAWARI_NATIVE", "NUMBA_CACHE_DIR", "NO_COLOR", "MPLBACKEND")
+_LENT = (
+    "VIRTUAL_ENV",
+    "PYTHONPATH",
+    "PYTHONHOME",
+    "PYTHONDONTWRITEBYTECODE",
+    "JAWARI_NATIVE",
+    "NUMBA_CACHE_DIR",
+    "NO_COLOR",
+    "MPLBACKEND",
+)
+#: what --quick leaves out of an installation: bytecode of what no command imports ("no" says so, whatever the name)
+_QUICK = {"PIP_NO_COMPILE": "no"}
 
 
 @dataclass(frozen=True)
@@ -171,6 +182,7 @@ class Fresh:
             [str(programs), *(each for each in os.environ["PATH"].split(os.pathsep) if ".venv" not in each)]
         )
         own = {"PATH": path, "HOME": str(self._folder / "home"), "XDG_CACHE_HOME": cache, "BROWSER": "true"}
+        own |= _QUICK if self.quick else {}
         return kept | own | {"ALSA_CONFIG_PATH": str(self._folder / "no-card.conf"), "JACK_NO_START_SERVER": "1"}
 
     def _place(self, extras: str) -> Path | None:
