@@ -38,6 +38,7 @@ from synth.engine.core import (
     stroke_of,
     tally_of,
 )
+from synth.engine.hold import grip_anew
 from synth.engine.layout import CORE, FADE, FLYING, QUANTUM, STEPS_DUE
 from synth.engine.output import collect
 from synth.solver.block_rows import BLOCK
@@ -79,8 +80,8 @@ def touch_down(core: int, thread: int, s: int) -> None:
     string = string_of(core, s)
     if string.counts[FREE] == 0:
         string.counts[MOVING] = bank_of(core).models[hand.model].n
-    if is_held(hand) and motion.stale == 0:
-        motion.stale = 2
+    if is_held(hand):
+        grip_anew(core, s)
 
 
 @njit(**CORE)

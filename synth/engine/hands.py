@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from numba import njit
 
-from synth.engine.core import bank_of, hand_of, progress_of, shared_of, state_of, voice_of
+from synth.engine.core import bank_of, progress_of, shared_of, state_of, voice_of
 from synth.engine.hand_damping import CUT_S
+from synth.engine.hold import begin_phase
 from synth.engine.instruments import played_strings
 from synth.engine.layout import (
     AWAKE,
@@ -36,10 +37,7 @@ def perform(core: int, thread: int, action: int, place: int, velocity: int) -> N
     elif action == PLUCK or action == SLUR:
         _pluck(core, thread, place, float(velocity), action == SLUR)
     elif action == CUT:
-        second = bank_of(core).strings[place].second
-        hand_of(core, place).phase = NO_FINGER
-        if second >= 0:
-            hand_of(core, second).phase = NO_FINGER
+        begin_phase(core, place, NO_FINGER)
         damp(core, place, CUT_S)
     elif action == LET_GO:
         let_go(core, thread, place)

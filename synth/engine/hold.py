@@ -41,7 +41,7 @@ def _take_hold(
 ) -> float:
     """`take_hold` of one direction."""
     bank, string = bank_of(core), string_of(core, s)
-    voice, hand, stroke, motion = voice_of(core, s), hand_of(core, s), stroke_of(core, s), motion_of(core, s)
+    voice, hand, stroke = voice_of(core, s), hand_of(core, s), stroke_of(core, s)
     model = bank.models[hand.model]
     n = model.n
     string.counts[MOVING] = n
@@ -69,9 +69,16 @@ def _take_hold(
     finger.here = here
     finger.push = 0.0
     voice.level = LOUD
-    if motion.stale == 0:
-        motion.stale = 2
+    grip_anew(core, s)
     return here
+
+
+@njit(**CORE)
+def grip_anew(core: int, s: int) -> None:
+    """The finger's coupling is to be worked out before the next step."""
+    motion = motion_of(core, s)
+    if motion.stale == 0:  # else that is part of it
+        motion.stale = 2
 
 
 @njit(**CORE)

@@ -42,6 +42,13 @@ def _begin(core: int, s: int, force: float, delay_s: float) -> None:
 
 
 @njit(**CORE)
+def end_knock(core: int, s: int) -> None:
+    """A push that is not over ends."""
+    knock = knock_of(core, s)
+    knock.step = knock.steps = 0
+
+
+@njit(**CORE)
 def knock_on(core: int, i: int, frames: int) -> None:
     """Coupling.knock: what all hands do to the body of an instrument in its next frames."""
     bank = bank_of(core)
@@ -59,8 +66,7 @@ def knock_on(core: int, i: int, frames: int) -> None:
         _push(core, s, frames, coupling.knock)
         knock.step += frames
         if knock.step >= knock.steps:
-            knock.steps = 0
-            knock.step = 0
+            end_knock(core, s)
 
 
 @njit(**CORE)

@@ -1,4 +1,5 @@
-"""What the native core works on beside the strings themselves (`solver.stringmodel`): a constant Bank, a State that changes.
+"""What the native core works on beside the strings themselves (`solver.stringmodel`): a constant Bank, Sounding
+and State that change.
 
 Extents are named by what is counted; `bank` says how many there are.
 """
@@ -466,7 +467,7 @@ N_METERS = 2
 
 
 class Sounding(NamedTuple):
-    """What changes of every string while it sounds, beside its motion."""
+    """What changes of every string while it sounds, beside its modes and contacts."""
 
     voices: Annotated[np.ndarray, struct(VOICE, "strings")]
     hands: Annotated[np.ndarray, struct(HAND, "strings")]

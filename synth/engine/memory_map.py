@@ -26,7 +26,7 @@ class EngineMemory:
 
     built          constants: Bank, models, flights
     state, shared  what changes while sounding; work arrays of all threads
-    sounding       what changes of the strings while they sound, beside their motion
+    sounding       what changes of the strings while they sound, beside their modes and contacts
     strings        what changes of the strings, with the tables of their models, states, ends and boards
     scratch        work arrays of the thread that calls `process`
     core, thread   tables that the native core is called with: `core.CORE_PARTS`, two Scratch

@@ -12,7 +12,6 @@ from synth.engine.core import (
     bank_of,
     expression_of,
     hand_of,
-    knock_of,
     motion_of,
     progress_of,
     scratch_of,
@@ -28,7 +27,7 @@ from synth.engine.expression import bend_of, height_of, settle
 from synth.engine.free_flight import touch_down
 from synth.engine.hold import LOUD, begin_phase, last
 from synth.engine.hold import take_hold as take_hold
-from synth.engine.knocks import knock_again
+from synth.engine.knocks import end_knock, knock_again
 from synth.engine.layout import (
     BEGIN_HOLD,
     CORE,
@@ -160,13 +159,13 @@ def _forget_forces(core: int, s: int) -> None:
 @njit(**CORE)
 def sleep(core: int, s: int) -> None:
     """The string is silent: it costs nothing until it is touched."""
-    voice, knock, string = voice_of(core, s), knock_of(core, s), string_of(core, s)
+    voice, string = voice_of(core, s), string_of(core, s)
     voice.awake = 0
     voice.idle = 0
     expression_of(core, s).pull = voice.pull_to = 0.0
     voice.level = 0.0
     voice.stolen = 0
-    knock.step = knock.steps = 0
+    end_knock(core, s)
     hand_of(core, s).phase = NO_FINGER
     string.q[:] = 0.0
     string.v[:] = 0.0

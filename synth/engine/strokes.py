@@ -18,7 +18,6 @@ from synth.engine.core import (
     bank_of,
     hand_of,
     model_of,
-    motion_of,
     scratch_of,
     settings_of,
     state_of,
@@ -27,7 +26,7 @@ from synth.engine.core import (
     voice_of,
 )
 from synth.engine.expression import pluck_place
-from synth.engine.hold import begin_phase, last, take_hold
+from synth.engine.hold import begin_phase, grip_anew, last, take_hold
 from synth.engine.knocks import begin_knock
 from synth.engine.layout import (
     CORE,
@@ -141,14 +140,13 @@ def slips(core: int, s: int) -> bool:
     for direction in range(2):
         line = s if direction == 0 else second
         if line >= 0:
-            stroke, motion, finger = stroke_of(core, line), motion_of(core, line), string_of(core, line).finger[0]
+            stroke, finger = stroke_of(core, line), string_of(core, line).finger[0]
             # a spring so soft that what the path pulls with is a force that is given
             stroke.finger_from = _force(core, line) / LEAST_STIFFNESS
             stroke.finger_to = 0.0
             finger.stiffness = LEAST_STIFFNESS
             finger.resistance = 0.0
-            if motion.stale == 0:
-                motion.stale = 2
+            grip_anew(core, line)
     last(core, s, seconds)
     begin_phase(core, s, SLIP)
     return True

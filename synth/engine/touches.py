@@ -7,8 +7,8 @@ import math
 from numba import njit
 
 from synth.engine.chance import ROUGH, key_of, uneven
-from synth.engine.core import bank_of, hand_of, motion_of, scratch_of, settings_of, string_of, stroke_of
-from synth.engine.hold import begin_phase, take_hold
+from synth.engine.core import bank_of, hand_of, scratch_of, settings_of, string_of, stroke_of
+from synth.engine.hold import begin_phase, grip_anew, take_hold
 from synth.engine.layout import CORE, NO_FINGER, TOUCHED
 from synth.instrument.excitations import MOST_HOLD_S
 
@@ -51,11 +51,10 @@ def press_on(core: int, s: int) -> None:
     for direction in range(2):
         line = s if direction == 0 else second
         if line >= 0 and hand_of(core, line).phase == TOUCHED:
-            stroke, motion, finger = stroke_of(core, line), motion_of(core, line), string_of(core, line).finger[0]
+            stroke, finger = stroke_of(core, line), string_of(core, line).finger[0]
             if finger.resistance < stroke.target:
                 finger.resistance = min(2.0 * finger.resistance, stroke.target)
-                if motion.stale == 0:
-                    motion.stale = 2
+                grip_anew(core, line)
 
 
 @njit(inline="always")
