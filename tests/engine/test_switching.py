@@ -292,4 +292,4 @@ def test_what_slides_is_not_pulled():
     fake.control(68, 127)
     fake.on(30)
     assert [action for action, *_ in fake.on(33)] == ["slur"]
-    assert fake.strings("phase")[0] == NO_FINGER and fake.send(NOTE_OFF, 0, 40) == []
+    assert fake.me.hands["phase"][0] == NO_FINGER and fake.send(NOTE_OFF, 0, 40) == []

@@ -122,7 +122,7 @@ def whole(made: Engine) -> float:
         total = float(coupling.energy_of(made._strings.bridges.coupling_tables[0].ctypes.data))
     else:
         total = sum(energy_now(made, s) for s in range(sounding.voices.size) if sounding.voices["awake"][s])
-    for s in range(sounding.size):
+    for s in range(sounding.voices.size):
         stiffness = float(bank.strings["axial_stiffness"][s])
         if stiffness > 0.0 and sounding.voices["awake"][s]:
             model = bank.models[sounding.hands["model"][s]]
