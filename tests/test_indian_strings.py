@@ -362,7 +362,7 @@ def test_no_hand_bends_a_string_that_rings_along() -> None:
     engine = Engine([parse_preset(SMALL, "small")], limiter=False)
     engine.prepare(RATE, 512)
     play(engine, [(0, BEND, 0, 8191), (0, NOTE_ON, 0, 48, 100)], 0.5)
-    bends = engine._state.sounding["bend"]
+    bends = engine._sounding.expressions["bend"]
     assert bends[0] > 1.99 and bends[1] == 0.0
 
 

@@ -234,34 +234,35 @@ def test_the_engine_s_stroke_is_that_of_a_case(tmp_path: Path) -> None:
     """One stroke, drawn and slid off, by the engine and as a case of the same modes."""
     made = engine(preset("one", steel("G2"), output=FORCE, pluck="draw_ms = 5\nslip_ms = 2"), internal_rate_hz=88200.0)
     play(made, [(0, NOTE_ON, 0, 43, 90)], QUANTUM, QUANTUM)
-    while made._state.sounding[0]["phase"] == layout.NO_FINGER:
+    while made._sounding.hands["phase"][0] == layout.NO_FINGER:
         play(made, [], QUANTUM, QUANTUM)
-    me, model, string = made._state.sounding[0], model_of(made, 0), string_of(made, 0)
-    fixed = bank_of(made).models[me["model"]]
-    assert me["phase"] == layout.DRAW
+    sounding, model, string = made._sounding, model_of(made, 0), string_of(made, 0)
+    hand, way = sounding.hands[0], sounding.strokes[0]
+    fixed = bank_of(made).models[hand["model"]]
+    assert hand["phase"] == layout.DRAW
     n, rate = int(model.modes), 88200.0
     p11, p12, p21, p22 = model.rows[:4, :n]
     sigma = -0.5 * np.log(p11 * p22 - p12 * p21) * rate
     np.savez(tmp_path / "modes.npz", f=model.omega[:n] / (2.0 * np.pi), sig=sigma)
-    finger, steps = string.finger[0], int(me["finger_step"])
+    finger, steps = string.finger[0], int(way["finger_step"])
     table = {
         "length_m": float(fixed["length"]), "tension_n": float(fixed["tension"]), "linear_density_kg_m": model.mu,
         "diameter_m": 4e-4, "measured": {"file": str(tmp_path / "modes.npz")},
     }  # fmt: skip
     stroke = {
-        "position_m": 0.7 * float(fixed["length"]), "width_m": 0.01, "displacement_m": float(me["finger_to"]),
-        "draw_s": int(me["finger_steps"]) / rate, "slip_s": 2 * round(0.002 * 44100.0) / rate,
+        "position_m": 0.7 * float(fixed["length"]), "width_m": 0.01, "displacement_m": float(way["finger_to"]),
+        "draw_s": int(way["finger_steps"]) / rate, "slip_s": 2 * round(0.002 * 44100.0) / rate,
         "stiffness_n_m": float(finger["stiffness"]), "resistance_n_s_m": float(finger["resistance"]),
     }  # fmt: skip
     run = {"internal_rate_hz": rate, "modes": n, "outputs_m": [0.1]}
-    weights, most = string.finger_weights[:n].copy(), int(me["finger_steps"]) + 600
+    weights, most = string.finger_weights[:n].copy(), int(way["finger_steps"]) + 600
     phases = set()
     while steps < most:
         play(made, [], QUANTUM, QUANTUM)
         steps += 2 * QUANTUM
-        phases.add(int(me["phase"]))
+        phases.add(int(hand["phase"]))
         found = simulated({"string": table, "finger": [stroke], "run": run | {"duration_s": steps / rate}})
-        rounding = 1e-9 if me["phase"] != layout.NO_FINGER else 1e-5  # the engine drops modes that nobody hears
+        rounding = 1e-9 if hand["phase"] != layout.NO_FINGER else 1e-5  # the engine drops modes that nobody hears
         assert np.abs(found.final_q - string.q[:n]).max() < rounding * np.abs(string.q[:n]).max()
         assert np.abs(found.final_v - string.v[:n]).max() < rounding * np.abs(string.v[:n]).max()
     scene = Scene(Case.model_validate({"string": table, "finger": [stroke], "run": run | {"duration_s": 0.01}}), Path())

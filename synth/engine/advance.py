@@ -14,15 +14,22 @@ from numba import njit
 from synth.engine.coefficients import fill_sigma, refresh, refresh_in_flight, rest_state
 from synth.engine.core import (
     bank_of,
+    expression_of,
+    hand_of,
     is_held,
     model_address,
     model_of,
+    motion_of,
+    progress_of,
     scratch_of,
     second_thread,
     settings_of,
     shared_of,
     state_of,
     string_of,
+    stroke_of,
+    tally_of,
+    voice_of,
 )
 from synth.engine.expression import bend_of, follow, height_of, is_settled
 from synth.engine.free_flight import fade, fly, row_of, take_off, touch_down
@@ -90,10 +97,10 @@ def begin_quantum(core: int, thread: int, s: int, k: int) -> None:
 def unchanged_quanta(core: int, thread: int, s: int, k: int) -> int:
     """Quanta of the span from k on that an awake string goes through as one stretch: behind the first one there is nothing
     to decide and no control to follow, and the arrays of a thread have room for them. `begin_quantum` has been for k."""
-    shared, me, fixed = shared_of(core), state_of(core).sounding[s], bank_of(core).strings[s]
-    if me.phase != NO_FINGER or fixed.second >= 0 or fixed.of_first or fixed.axial_stiffness > 0.0:
+    shared, hand, motion, fixed = shared_of(core), hand_of(core, s), motion_of(core, s), bank_of(core).strings[s]
+    if hand.phase != NO_FINGER or fixed.second >= 0 or fixed.of_first or fixed.axial_stiffness > 0.0:
         return 1
-    if not me.flying and (me.stale or not presses(model_address(core, s), shared.string_at[s])):
+    if not motion.flying and (motion.stale or not presses(model_address(core, s), shared.string_at[s])):
         return 1
     scratch = scratch_of(thread)
     room = min(scratch.out.size // 2, scratch.record.size) // (QUANTUM * fixed.factor)
@@ -110,46 +117,48 @@ def _goes_on(core: int, s: int, k: int) -> bool:
     shared, state = shared_of(core), state_of(core)
     if (shared.task[FIRST_QUANTUM] + k) % CHECK_EVERY == 0 or not is_settled(core, s):
         return False
-    me = state.sounding[s]
-    bend = bend_of(core, s, k, shared.bends[k, me.channel], shared.bends[k, state.channels[me.channel].master])
-    return bend == me.bend and height_of(core, s, shared.heights[k, bank_of(core).strings[s].part]) == me.height
+    voice, expression = voice_of(core, s), expression_of(core, s)
+    bend = bend_of(core, s, k, shared.bends[k, voice.channel], shared.bends[k, state.channels[voice.channel].master])
+    return (
+        bend == expression.bend and height_of(core, s, shared.heights[k, bank_of(core).strings[s].part]) == expression.height
+    )
 
 
 @njit(**CORE)
 def follow_quantum(core: int, s: int, k: int) -> None:
     """A string's bend and the height of its obstacle in quantum k of the span."""
     state, shared = state_of(core), shared_of(core)
-    me = state.sounding[s]
+    voice, hand, expression = voice_of(core, s), hand_of(core, s), expression_of(core, s)
     follow(core, s)
     press_on(core, s)
-    bend = bend_of(core, s, k, shared.bends[k, me.channel], shared.bends[k, state.channels[me.channel].master])
+    bend = bend_of(core, s, k, shared.bends[k, voice.channel], shared.bends[k, state.channels[voice.channel].master])
     height = height_of(core, s, shared.heights[k, bank_of(core).strings[s].part])
     if bank_of(core).strings[s].axial_stiffness > 0.0:
         bend = bend_with_motion(core, s, k, bend)
-    if bank_of(core).models[me.model].contacts == 0 and shared.board_at[me.model] == 0:
-        me.height = height  # nothing is under it that could be raised
-    if me.bend != bend or me.height != height:
+    if bank_of(core).models[hand.model].contacts == 0 and shared.board_at[hand.model] == 0:
+        expression.height = height  # nothing is under it that could be raised
+    if expression.bend != bend or expression.height != height:
         _follow_controls(core, s, bend, height)
 
 
 @njit(**CORE)
 def follow_first(core: int, s: int) -> None:
     """The bend of a string's second direction, which is that of its first, just before."""
-    me, first = state_of(core).sounding[s], state_of(core).sounding[s - 1]
-    if me.bend != first.bend:
-        _follow_controls(core, s, first.bend, me.height)
+    expression, first = expression_of(core, s), expression_of(core, s - 1)
+    if expression.bend != first.bend:
+        _follow_controls(core, s, first.bend, expression.height)
 
 
 @njit(**CORE)
 def _follow_controls(core: int, s: int, bend: float, height: float) -> None:
     """Take over another pitch bend and obstacle height."""
-    me = state_of(core).sounding[s]
-    me.bend = bend
-    me.height = height
+    hand, expression, motion = hand_of(core, s), expression_of(core, s), motion_of(core, s)
+    expression.bend = bend
+    expression.height = height
     string = string_of(core, s)
     if string.counts[FREE] == 0:  # what can touch nothing leaves the modes at rest that are
-        string.counts[MOVING] = bank_of(core).models[me.model].n
-    me.stale = 1
+        string.counts[MOVING] = bank_of(core).models[hand.model].n
+    motion.stale = 1
 
 
 @njit(**CORE)
@@ -157,22 +166,26 @@ def advance_string(core: int, thread: int, s: int, start: int, frames: int) -> N
     """`frames` output frames of one awake string from frame `start` of the span, in all of its directions, into their
     rows."""
     fixed = bank_of(core).strings[s]
-    me, second = state_of(core).sounding[s], fixed.second
+    hand, stroke, motion, second = hand_of(core, s), stroke_of(core, s), motion_of(core, s), fixed.second
     _land(core, thread, s)
     if second >= 0:
         _land(core, thread, second)
     done = int(np.int64(0))
     while done < frames:
         count = frames - done
-        if not me.flying and me.phase != NO_FINGER:
-            count = min(count, max(1, (me.finger_steps - me.finger_step) // fixed.factor))
-            if me.phase == HIT:
+        if not motion.flying and hand.phase != NO_FINGER:
+            count = min(count, max(1, (stroke.finger_steps - stroke.finger_step) // fixed.factor))
+            if hand.phase == HIT:
                 count = min(count, 1)
         _advance_line(core, thread, s, start + done, count)
         if second >= 0:
             _advance_line(core, thread, second, start + done, count)
         done += count
-        if not me.flying and me.phase != NO_FINGER and (me.finger_step >= me.finger_steps or has_bounced(core, s)):
+        if (
+            not motion.flying
+            and hand.phase != NO_FINGER
+            and (stroke.finger_step >= stroke.finger_steps or has_bounced(core, s))
+        ):
             finger_done(core, thread, s)
     _end_stretch(core, s, start, frames)
 
@@ -181,13 +194,13 @@ def advance_string(core: int, thread: int, s: int, start: int, frames: int) -> N
 def _end_stretch(core: int, s: int, start: int, frames: int) -> None:
     """End a stretch of a string, in all of its directions: add what still fades, and silence a motion that is no sound, from
     the start of the stretch on. How long that is may hang on blocks and threads, for such a motion alone."""
-    me, second = state_of(core).sounding[s], bank_of(core).strings[s].second
+    tally, second = tally_of(core, s), bank_of(core).strings[s].second
     fade(core, s, start, frames)
     if second >= 0:
         fade(core, second, start, frames)
     if not _is_sound(core, s, start) or (second >= 0 and not _is_sound(core, second, start)):
         _silence(core, s, start)
-        me.silenced += 1
+        tally.silenced += 1
         if second >= 0:
             _silence(core, second, start)
 
@@ -195,7 +208,7 @@ def _end_stretch(core: int, s: int, start: int, frames: int) -> None:
 @njit(**CORE)
 def advance_two_strings(core: int, thread: int, s: int, other: int, start: int, frames: int) -> None:
     """`advance_string` of two awake strings that share nothing, to the bit; side by side where both only press."""
-    strings, sounding = bank_of(core).strings, state_of(core).sounding
+    strings = bank_of(core).strings
     factor = strings[s].factor
     beside = strings[other].factor == factor and _may_go_beside(core, thread, s, frames)
     if not (beside and _may_go_beside(core, thread, other, frames)):
@@ -205,23 +218,25 @@ def advance_two_strings(core: int, thread: int, s: int, other: int, start: int, 
     ask(shared_of(core).task[STEP_TWO], core, thread, s, other, frames * factor)
     for place in range(2):
         line = s if place == 0 else other
-        me, row = sounding[line], row_of(core, line, start, frames)
-        me.base = collect(core, thread if place == 0 else second_thread(thread), line, row.size, factor, me.base, row)
+        motion, row = motion_of(core, line), row_of(core, line, start, frames)
+        motion.base = collect(
+            core, thread if place == 0 else second_thread(thread), line, row.size, factor, motion.base, row
+        )
         _end_stretch(core, line, start, frames)
 
 
 @njit(**CORE)
 def _may_go_beside(core: int, thread: int, s: int, frames: int) -> bool:
     """Whether these frames of a string are whole blocks of steps over its one contact, and no more."""
-    shared, fixed, me = shared_of(core), bank_of(core).strings[s], state_of(core).sounding[s]
-    if fixed.second >= 0 or fixed.of_first or me.phase != NO_FINGER or frames * fixed.factor % BLOCK != 0:
+    shared, fixed, hand, motion = shared_of(core), bank_of(core).strings[s], hand_of(core, s), motion_of(core, s)
+    if fixed.second >= 0 or fixed.of_first or hand.phase != NO_FINGER or frames * fixed.factor % BLOCK != 0:
         return False
     if shared.task[STEP] != shared.task[OFF_BOARD]:  # somebody else makes steps, or looks on
         return False
     _land(core, thread, s)
-    if me.flying:
+    if motion.flying:
         return False
-    if me.stale:
+    if motion.stale:
         _refresh(core, thread, s)
     string_of(core, s).finger[0].on = 0
     return presses(model_address(core, s), shared.string_at[s])
@@ -229,39 +244,39 @@ def _may_go_beside(core: int, thread: int, s: int, frames: int) -> bool:
 
 def make_steps_of_two(core: int, thread: int, s: int, other: int, steps: int) -> None:
     """`make_steps` of two strings that only press; the outputs of the other one go to the second Scratch."""
-    string_at, sounding = shared_of(core).string_at, state_of(core).sounding
+    string_at = shared_of(core).string_at
     advance_two(
         model_address(core, s), string_at[s], thread,
         model_address(core, other), string_at[other], second_thread(thread), steps // BLOCK,
     )  # fmt: skip
     for place in range(2):
         line = s if place == 0 else other
-        sounding[line].mode_steps += string_of(core, line).counts[MOVING] * steps
+        tally_of(core, line).mode_steps += string_of(core, line).counts[MOVING] * steps
 
 
 @njit(**CORE)
 def _land(core: int, thread: int, s: int) -> None:
     """A string that flies but may not any more is back at its internal rate."""
-    me = state_of(core).sounding[s]
-    if me.flying == LANDED:
+    hand, motion = hand_of(core, s), motion_of(core, s)
+    if motion.flying == LANDED:
         return
-    if me.stale == 1 and not is_held(me) and shared_of(core).board_at[me.model] == 0:
+    if motion.stale == 1 and not is_held(hand) and shared_of(core).board_at[hand.model] == 0:
         refresh_in_flight(core, thread, s)
-        if not me.altered:  # else that was part of it
+        if not motion.altered:  # else that was part of it
             fill_sigma(core, thread, s, string_of(core, s).counts[MOVING])
         string_of(core, s).counts[FREE] = 1 if _nothing_in_reach(core, thread, s) else 0
-    if is_held(me) and not lies_still(core, s, QUANTUM * bank_of(core).strings[s].factor):
+    if is_held(hand) and not lies_still(core, s, QUANTUM * bank_of(core).strings[s].factor):
         string_of(core, s).counts[FREE] = 0
-    if me.stale or not string_of(core, s).counts[FREE] or not may_fly(core, s):
+    if motion.stale or not string_of(core, s).counts[FREE] or not may_fly(core, s):
         touch_down(core, thread, s)
 
 
 @njit(**CORE)
 def _refresh(core: int, thread: int, s: int) -> None:
     """`refresh`, after which a string over a board that can touch nothing still can: it goes on as free as it was."""
-    me, string = state_of(core).sounding[s], string_of(core, s)
+    hand, motion, string = hand_of(core, s), motion_of(core, s), string_of(core, s)
     was_free, moving = string.counts[FREE] != 0, string.counts[MOVING]
-    was_free = was_free and me.stale == 1 and not is_held(me) and shared_of(core).board_at[me.model] != 0
+    was_free = was_free and motion.stale == 1 and not is_held(hand) and shared_of(core).board_at[hand.model] != 0
     refresh(core, thread, s)
     if was_free:
         all_modes, string.counts[MOVING] = string.counts[MOVING], moving
@@ -274,15 +289,15 @@ def _refresh(core: int, thread: int, s: int) -> None:
 @njit(**CORE)
 def _advance_line(core: int, thread: int, s: int, start: int, frames: int) -> None:
     """The same of one direction, while the hand does one and the same thing to it."""
-    me = state_of(core).sounding[s]
-    if me.flying:
+    motion = motion_of(core, s)
+    if motion.flying:
         fly(core, thread, s, start, frames)
         return
     row = row_of(core, s, start, frames)
-    if me.stale:
+    if motion.stale:
         _refresh(core, thread, s)
     call_back(shared_of(core).task[STEP], core, thread, s, row.size)
-    me.base = collect(core, thread, s, row.size, bank_of(core).strings[s].factor, me.base, row)
+    motion.base = collect(core, thread, s, row.size, bank_of(core).strings[s].factor, motion.base, row)
 
 
 @njit(**CORE)
@@ -294,15 +309,15 @@ def _is_sound(core: int, s: int, start: int) -> bool:
 @njit(**CORE)
 def moves_like_a_string(core: int, s: int) -> bool:
     """Whether displacement and velocity are finite and within `TOO_FAR`."""
-    me, string = state_of(core).sounding[s], string_of(core, s)
-    model = bank_of(core).models[me.model]
+    hand, expression, string = hand_of(core, s), expression_of(core, s), string_of(core, s)
+    model = bank_of(core).models[hand.model]
     moving = string.counts[MOVING]
     far, fast = squares(string.q[:moving], string.v[:moving])
     length = model.length
     # modes are normalised: ∫u² dx = Σ q², so that the mean square is Σ q²/L; a bend upwards raises the waves' speed
     tension = model.tension
-    if me.bend > 0.0:
-        tension *= 2.0 ** (me.bend / 6.0)
+    if expression.bend > 0.0:
+        tension *= 2.0 ** (expression.bend / 6.0)
     most_far, most_fast = TOO_FAR * TOO_FAR * length * length, TOO_FAR * TOO_FAR * tension / model.mu
     return far <= most_far * length and fast <= most_fast * length
 
@@ -319,10 +334,10 @@ def _sounds(core: int, s: int, start: int) -> bool:
     """Whether what the string has given since frame `start` of the span is finite and below `BLOWN_UP`."""
     shared = shared_of(core)
     fixed = bank_of(core).strings[s]
-    me = state_of(core).sounding[s]
-    first, end = _span_of(fixed.row, me.row_from, me.row_to, start * fixed.factor)
+    progress = progress_of(core, s)
+    first, end = _span_of(fixed.row, progress.row_from, progress.row_to, start * fixed.factor)
     row = shared.rows[first:end]
-    first, end = _span_of(fixed.direct, me.direct_from, me.direct_to, start)
+    first, end = _span_of(fixed.direct, progress.direct_from, progress.direct_to, start)
     direct = shared.direct[first:end]
     return dot(row, row) <= BLOWN_UP * BLOWN_UP and dot(direct, direct) <= BLOWN_UP * BLOWN_UP
 
@@ -332,10 +347,10 @@ def _silence(core: int, s: int, start: int) -> None:
     """The string has blown up: what it has given since frame `start` is taken back, and it sleeps until it is plucked."""
     shared, string = shared_of(core), string_of(core, s)
     fixed = bank_of(core).strings[s]
-    me = state_of(core).sounding[s]
-    first, end = _span_of(fixed.row, me.row_from, me.row_to, start * fixed.factor)
+    motion, progress = motion_of(core, s), progress_of(core, s)
+    first, end = _span_of(fixed.row, progress.row_from, progress.row_to, start * fixed.factor)
     shared.rows[first:end] = 0.0
-    first, end = _span_of(fixed.direct, me.direct_from, me.direct_to, start)
+    first, end = _span_of(fixed.direct, progress.direct_from, progress.direct_to, start)
     shared.direct[first:end] = 0.0
     string.u[:] = 0.0
     string.v_contact[:] = 0.0
@@ -344,34 +359,34 @@ def _silence(core: int, s: int, start: int) -> None:
     string.bounds[:] = 0.0
     string.finger[0].here = 0.0
     string.finger[0].push = 0.0
-    me.base = me.rest
-    me.fade_at = me.fade_to = 0
-    me.flying = 0
+    motion.base = motion.rest
+    motion.fade_at = motion.fade_to = 0
+    motion.flying = 0
     sleep(core, s)
 
 
 def make_steps(core: int, thread: int, s: int, steps: int) -> None:
     """Internal steps of one string; its outputs go to Scratch.out, a row of `steps` for each."""
-    me, string = state_of(core).sounding[s], string_of(core, s)
+    hand, tally, string = hand_of(core, s), tally_of(core, s), string_of(core, s)
     moved = string.counts[MOVING]
-    string.finger[0].on = 1 if is_held(me) else 0
-    if me.phase != NO_FINGER:
+    string.finger[0].on = 1 if is_held(hand) else 0
+    if hand.phase != NO_FINGER:
         step_along_path(core, thread, s, steps)
     if advance(model_address(core, s), shared_of(core).string_at[s], thread, steps, int(np.int64(1))) != SOLVED:
-        me.unsolved += 1
-    me.mode_steps += max(moved, string.counts[MOVING]) * steps
+        tally.unsolved += 1
+    tally.mode_steps += max(moved, string.counts[MOVING]) * steps
 
 
 @njit(**CORE)
 def step_along_path(core: int, thread: int, s: int, steps: int) -> None:
     """Scratch.path: where a finger, if there is one, is before its next steps and after each of them; it has gone there."""
-    me = state_of(core).sounding[s]
+    hand, stroke = hand_of(core, s), stroke_of(core, s)
     follow = shared_of(core).excitation[bank_of(core).strings[s].part, FOLLOW]
-    if follow != 0 and me.phase == DRAW:
+    if follow != 0 and hand.phase == DRAW:
         call_back(follow, core, thread, s, steps)
-    elif is_held(me):
+    elif is_held(hand):
         follow_stroke(core, thread, s, steps)
-    me.finger_step += steps
+    stroke.finger_step += steps
 
 
 @njit(**CORE)
@@ -396,34 +411,35 @@ def _energy_norm(omega, q, v, q_rest) -> float:
 def _check(core: int, thread: int, s: int) -> None:
     """Level, certificate that contacts are out of reach, rest for inaudible modes, flight, sleep."""
     bank, state, settings, scratch = bank_of(core), state_of(core), settings_of(core), scratch_of(thread)
-    me, string = state.sounding[s], string_of(core, s)
-    if NO_FINGER < me.phase < TOUCHED:
+    voice, hand, expression = voice_of(core, s), hand_of(core, s), expression_of(core, s)
+    motion, string = motion_of(core, s), string_of(core, s)
+    if NO_FINGER < hand.phase < TOUCHED:
         return
-    if me.stale:  # as when a hand bends it without a stop
+    if motion.stale:  # as when a hand bends it without a stop
         _land(core, thread, s)
         _refresh(core, thread, s)
     fixed = bank.strings[s]
-    constants = bank.models[me.model]
-    plain, model = string_model(shared_of(core).model_at[me.model, PLAIN]), model_of(core, s)
+    constants = bank.models[hand.model]
+    plain, model = string_model(shared_of(core).model_at[hand.model, PLAIN]), model_of(core, s)
     n = string.counts[MOVING]
     q, v = string.q[:n], string.v[:n]
-    rest_state(core, thread, me, scratch.q)
-    me.level = constants.output_bound * _energy_norm(plain.omega[:n], q, v, scratch.q[:n])
+    rest_state(core, thread, s, scratch.q)
+    voice.level = constants.output_bound * _energy_norm(plain.omega[:n], q, v, scratch.q[:n])
     if model.points == model.on_q:
-        me.level += abs(me.base - me.rest)
-    if me.level < SLEEP_BELOW and not fixed.of_first and may_sleep(core, s):
+        voice.level += abs(motion.base - motion.rest)
+    if voice.level < SLEEP_BELOW and not fixed.of_first and may_sleep(core, s):
         sleep(core, s)
         if fixed.second >= 0:
             sleep(core, fixed.second)
         return
-    if me.level < state.meters[SPARE] and not fixed.of_first and not me.held and me.hand < LN_1000 / SPARE_S:
+    if voice.level < state.meters[SPARE] and not fixed.of_first and not voice.held and expression.hand < LN_1000 / SPARE_S:
         damp(core, s, SPARE_S)
         return
     if not settings.economy or model.law != EXACT_HOLD:
         return  # the amplitudes below are those of v = q̇
-    may = me.flying == LANDED and _may_take_off(core, s)
-    if me.phase != NO_FINGER:
-        if me.flying == LANDED:
+    may = motion.flying == LANDED and _may_take_off(core, s)
+    if hand.phase != NO_FINGER:
+        if motion.flying == LANDED:
             string.counts[FREE] = 1 if may and _has_too_little_energy(core, thread, s) else 0
         if may and string.counts[FREE]:
             _take_off(core, thread, s)
@@ -460,22 +476,22 @@ def _check(core: int, thread: int, s: int) -> None:
 @njit(**CORE)
 def _may_take_off(core: int, s: int) -> bool:
     """Whether a string that can touch nothing has a bus to fly on, with what lies on it, if that lies still."""
-    me, fixed = state_of(core).sounding[s], bank_of(core).strings[s]
-    if fixed.direct_bus < 0 or (shared_of(core).board_at[me.model] != 0 and me.bend != 0.0):
+    hand, expression, fixed = hand_of(core, s), expression_of(core, s), bank_of(core).strings[s]
+    if fixed.direct_bus < 0 or (shared_of(core).board_at[hand.model] != 0 and expression.bend != 0.0):
         return False
-    return me.phase == NO_FINGER or (me.phase == TOUCHED and lies_still(core, s, CHECK_EVERY * QUANTUM * fixed.factor))
+    return hand.phase == NO_FINGER or (hand.phase == TOUCHED and lies_still(core, s, CHECK_EVERY * QUANTUM * fixed.factor))
 
 
 @njit(**CORE)
 def _take_off(core: int, thread: int, s: int) -> None:
     """A string flies from here on, and what it is together with, if all of it may."""
-    bank, sounding = bank_of(core), state_of(core).sounding
+    bank = bank_of(core)
     instrument = bank.instruments[bank.strings[s].instrument]
     if not may_fly(core, s):
         return
     first, end = (instrument.first_string, instrument.end_string) if instrument.together else (s, s + 1)
     for other in range(first, end):
-        if sounding[other].awake and sounding[other].flying == LANDED and _may_take_off(core, other):
+        if voice_of(core, other).awake and motion_of(core, other).flying == LANDED and _may_take_off(core, other):
             take_off(core, thread, other)
 
 
@@ -483,14 +499,14 @@ def _take_off(core: int, thread: int, s: int) -> None:
 def _has_too_little_energy(core: int, thread: int, s: int) -> bool:
     """Whether a string under what lies on it, at rest itself, can touch nothing any more: with E the energy of both, which
     does not grow, no point is displaced by more than √(2 E C), C its static compliance."""
-    string, model, me = string_of(core, s), model_of(core, s), state_of(core).sounding[s]
-    constants, n, finger = bank_of(core).models[me.model], string.counts[MOVING], string_of(core, s).finger[0]
+    string, model, hand = string_of(core, s), model_of(core, s), hand_of(core, s)
+    constants, n, finger = bank_of(core).models[hand.model], string.counts[MOVING], string_of(core, s).finger[0]
     omega, q, v = model.omega[:n], string.q[:n], string.v[:n]
     twice = finger.stiffness * finger.here * finger.here  # 2 E
     for j in range(n):
         w = omega[j] * q[j]
         twice += model.mu * (v[j] * v[j] + w * w)
-    board = shared_of(core).board_at[me.model]
+    board = shared_of(core).board_at[hand.model]
     if board != 0:
         return clear_by_energy(board, twice / constants.tension)
     for k in range(model.eta.size):
@@ -506,8 +522,8 @@ def _has_too_little_energy(core: int, thread: int, s: int) -> bool:
 def _is_in_reach(core: int, s: int) -> bool:
     """Whether a string's one contact is in reach by its modes' displacements alone, for whose amplitudes below they are a
     lower bound: what `_nothing_in_reach` denies."""
-    string, model, me = string_of(core, s), model_of(core, s), state_of(core).sounding[s]
-    if shared_of(core).board_at[me.model] != 0:
+    string, model, hand = string_of(core, s), model_of(core, s), hand_of(core, s)
+    if shared_of(core).board_at[hand.model] != 0:
         return False
     if string.eta[0] >= 0.0 or string.force[0] > 0.0:
         return True
@@ -519,7 +535,7 @@ def _nothing_in_reach(core: int, thread: int, s: int) -> bool:
     """Whether free flight, with Scratch.sigma, touches no contact any more."""
     scratch, string, model = scratch_of(thread), string_of(core, s), model_of(core, s)
     n, contacts = string.counts[MOVING], model.eta.size
-    board = shared_of(core).board_at[state_of(core).sounding[s].model]
+    board = shared_of(core).board_at[hand_of(core, s).model]
     if board != 0:
         amplitudes(model.omega[:n], scratch.sigma[:n], string.q[:n], string.v[:n], scratch.amplitude[:n])
         return clear_of_board(board, scratch.amplitude[:n])

@@ -30,6 +30,7 @@ from synth.engine.layout import (
     WORK_ON,
     Bank,
     Shared,
+    Sounding,
     State,
 )
 from synth.engine.team import N_WORDS
@@ -466,6 +467,14 @@ def _state_sizes(bank: Bank, span: int) -> dict[str, int]:
     }
 
 
+def new_sounding(bank: Bank) -> Sounding:
+    """A Sounding of strings that nobody has played."""
+    sounding = allocate(Sounding, {"strings": bank.strings.size})
+    sounding.hands["glide_to"] = -1
+    sounding.voices["articulation"] = bank.parts["first_articulation"][bank.strings["part"]]
+    return sounding
+
+
 def new_state(bank: Bank, span: int, parameters: np.ndarray, effects: Mapping[str, np.ndarray]) -> State:
     """A State in which nothing sounds and every controller has its power-up value, for spans of so many quanta.
 
@@ -480,8 +489,6 @@ def new_state(bank: Bank, span: int, parameters: np.ndarray, effects: Mapping[st
     part_state["left"] = part_state["right"] = 1.0
     part_state["channel"] = bank.parts["channel"]
     state.quiet[:] = bank.buses["n_taps"]
-    state.sounding["glide_to"] = -1
-    state.sounding["articulation"] = bank.parts["first_articulation"][bank.strings["part"]]
     return state
 
 

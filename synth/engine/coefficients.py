@@ -9,13 +9,15 @@ from numba import njit
 
 from synth.engine.core import (
     bank_of,
+    expression_of,
     flight_of,
+    hand_of,
     is_held,
     model_address,
     model_of,
+    motion_of,
     scratch_of,
     shared_of,
-    state_of,
     string_of,
 )
 from synth.engine.ends import on_bridge
@@ -36,45 +38,45 @@ from synth.solver.stringmodel import CERTAIN, DEPTH, FREE, MOVING, STIFFNESS, st
 @njit(**CORE)
 def _set_coefficients(core: int, thread: int, s: int) -> None:
     """Put the string's working coefficients and heights in line with model, hand, bend and height."""
-    me, string = state_of(core).sounding[s], string_of(core, s)
-    model = string_model(shared_of(core).model_at[me.model, PLAIN])
+    hand, expression, motion, string = hand_of(core, s), expression_of(core, s), motion_of(core, s), string_of(core, s)
+    model = string_model(shared_of(core).model_at[hand.model, PLAIN])
     _set_heights(core, s)
     string.due[:] = 0
     string.counts[FREE] = 0
     string.counts[CERTAIN] = 0
     if not on_bridge(core, s):  # there a line that is looked at moves all (`line_tables.look_at`)
         string.counts[MOVING] = model.modes
-    set_rest(core, thread, me)
-    me.altered = 1 if me.hand != 0.0 or me.bend != 0.0 else 0
-    if shared_of(core).board_at[me.model] != 0:
+    set_rest(core, thread, s)
+    motion.altered = 1 if expression.hand != 0.0 or expression.bend != 0.0 else 0
+    if shared_of(core).board_at[hand.model] != 0:
         stop_on_board(core, thread, s)
-    elif me.altered and on_bridge(
+    elif motion.altered and on_bridge(
         core, s
     ):  # there what its contacts need waits until they are looked at: `ends.refresh_end`
         _bend(core, s, model.modes)
-    elif me.altered:
+    elif motion.altered:
         alter_steps(core, thread, s)
 
 
 @njit(**CORE)
 def _set_heights(core: int, s: int) -> None:
     """Heights of the string's contacts, raised as they now are."""
-    me, string = state_of(core).sounding[s], string_of(core, s)
-    model = string_model(shared_of(core).model_at[me.model, PLAIN])
+    hand, expression, string = hand_of(core, s), expression_of(core, s), string_of(core, s)
+    model = string_model(shared_of(core).model_at[hand.model, PLAIN])
     for k in range(model.eta.size):
-        string.eta[k] = model.eta[k] + me.height
+        string.eta[k] = model.eta[k] + expression.height
 
 
 @njit(**CORE)
 def _bend(core: int, s: int, count: int) -> None:
     """Frequencies of a string under a pitch bend: of its first `count` modes."""
-    me = state_of(core).sounding[s]
-    plain, own = string_model(shared_of(core).model_at[me.model, PLAIN]), model_of(core, s)
-    strings_own = min(count, bank_of(core).models[me.model].own)
+    hand, expression = hand_of(core, s), expression_of(core, s)
+    plain, own = string_model(shared_of(core).model_at[hand.model, PLAIN]), model_of(core, s)
+    strings_own = min(count, bank_of(core).models[hand.model].own)
     # a tension change adds the same share of ω₁² to every k_j² = j² k₁²; bending stiffness stays
     omega = own.omega
     omega[plain.modes :] = 1.0  # divided by
-    bend_ratio = 2.0 ** (me.bend / 12.0)
+    bend_ratio = 2.0 ** (expression.bend / 12.0)
     share = bend_ratio * bend_ratio - 1.0
     raise_modes(plain.omega[:strings_own], share * plain.omega[0] * plain.omega[0], omega)
     for j in range(strings_own, count):
@@ -86,13 +88,13 @@ def _bend(core: int, s: int, count: int) -> None:
 def alter_steps(core: int, thread: int, s: int) -> None:
     """Frequencies and coefficients of a step of a string under a damping hand or a pitch bend."""
     scratch = scratch_of(thread)
-    me = state_of(core).sounding[s]
-    plain, own = string_model(shared_of(core).model_at[me.model, PLAIN]), model_of(core, s)
+    hand, expression = hand_of(core, s), expression_of(core, s)
+    plain, own = string_model(shared_of(core).model_at[hand.model, PLAIN]), model_of(core, s)
     n, c, cap, dt, omega = plain.modes, plain.eta.size, plain.omega.size, plain.dt, own.omega
     _bend(core, s, n)
-    bend_ratio = 2.0 ** (me.bend / 12.0)
+    bend_ratio = 2.0 ** (expression.bend / 12.0)
     for j in range(n):
-        scratch.sigma[j] = damping(plain.sigma[j], me.hand, omega[j] * dt)
+        scratch.sigma[j] = damping(plain.sigma[j], expression.hand, omega[j] * dt)
     relief = 1.0 / (bend_ratio * bend_ratio) - 1.0
     fill_step(model_address(core, s), scratch.sigma)
     if c == 0:
@@ -114,10 +116,11 @@ def alter_steps(core: int, thread: int, s: int) -> None:
 def fill_sigma(core: int, thread: int, s: int, n: int) -> None:
     """Scratch.sigma of the first n modes of a string, with the frequencies that it has: under its hand, and where a bend
     takes them too high."""
-    me, sigma, omega = state_of(core).sounding[s], scratch_of(thread).sigma, model_of(core, s).omega
-    plain = string_model(shared_of(core).model_at[me.model, PLAIN])
+    hand, expression = hand_of(core, s), expression_of(core, s)
+    sigma, omega = scratch_of(thread).sigma, model_of(core, s).omega
+    plain = string_model(shared_of(core).model_at[hand.model, PLAIN])
     for j in range(n):
-        sigma[j] = damping(plain.sigma[j], me.hand, omega[j] * plain.dt if me.bend != 0.0 else 0.0)
+        sigma[j] = damping(plain.sigma[j], expression.hand, omega[j] * plain.dt if expression.bend != 0.0 else 0.0)
 
 
 @njit(**CORE)
@@ -126,7 +129,7 @@ def alter_flight(core: int, thread: int, s: int) -> None:
     to be: of the modes that move, to which none is added before it lands."""
     flight, omega = flight_of(core, s), model_of(core, s).omega
     n, rows = flight.modes, flight.rows
-    if not is_held(state_of(core).sounding[s]):  # which moves all of them
+    if not is_held(hand_of(core, s)):  # which moves all of them
         n = min(n, string_of(core, s).counts[MOVING])
     fill_sigma(core, thread, s, n)
     rows[:6, n : padded(n)] = 0.0
@@ -138,62 +141,65 @@ def alter_flight(core: int, thread: int, s: int) -> None:
 def refresh_in_flight(core: int, thread: int, s: int) -> None:
     """`refresh` of a string in flight, over no board and with nothing on it, that is to go on so: coefficients of its steps
     and frequencies of modes at rest wait until it lands."""
-    me, string = state_of(core).sounding[s], string_of(core, s)
+    hand, expression, motion, string = hand_of(core, s), expression_of(core, s), motion_of(core, s), string_of(core, s)
     _set_heights(core, s)
-    set_rest(core, thread, me)
-    string.counts[MOVING] = min(string.counts[MOVING], bank_of(core).models[me.model].audible)
+    set_rest(core, thread, s)
+    string.counts[MOVING] = min(string.counts[MOVING], bank_of(core).models[hand.model].audible)
     string.counts[CERTAIN] = 0
     string.due[:] = 0
-    me.altered = 1 if me.hand != 0.0 or me.bend != 0.0 else 0
-    me.flying = STEPS_DUE if me.altered else FLYING
-    if me.altered:
+    motion.altered = 1 if expression.hand != 0.0 or expression.bend != 0.0 else 0
+    motion.flying = STEPS_DUE if motion.altered else FLYING
+    if motion.altered:
         _bend(core, s, string.counts[MOVING])
         alter_flight(core, thread, s)
-    me.stale = 0
+    motion.stale = 0
 
 
 @njit(**CORE)
-def set_rest(core: int, thread: int, me) -> None:
+def set_rest(core: int, thread: int, s: int) -> None:
     """Where the string would come to rest over the obstacle as high as it now is: the contacts' force and the output."""
-    model = bank_of(core).models[me.model]
-    me.lift = 0.0
-    me.rest = model.line_output + model.rest_output
+    hand, expression, motion = hand_of(core, s), expression_of(core, s), motion_of(core, s)
+    model = bank_of(core).models[hand.model]
+    motion.lift = 0.0
+    motion.rest = model.line_output + model.rest_output
     if model.contacts == 1:
-        plain = string_model(shared_of(core).model_at[me.model, PLAIN])
-        height = max(0.0, plain.eta[0] + me.height)
-        me.lift = height / model.static_response
+        plain = string_model(shared_of(core).model_at[hand.model, PLAIN])
+        height = max(0.0, plain.eta[0] + expression.height)
+        motion.lift = height / model.static_response
         if model.layered:  # it gives way first
             yielding = model.static_response + 1.0 / plain.layers[STIFFNESS, 0]
-            me.lift = max(height / yielding, (height - plain.layers[DEPTH, 0]) / model.static_response)
-        me.rest = model.line_output + me.lift * model.lift_output
+            motion.lift = max(height / yielding, (height - plain.layers[DEPTH, 0]) / model.static_response)
+        motion.rest = model.line_output + motion.lift * model.lift_output
     elif model.settling > 0:
-        _rest_on_points(core, thread, me)
+        _rest_on_points(core, thread, s)
 
 
 @njit(**CORE)
-def _press(core: int, thread: int, me) -> None:
+def _press(core: int, thread: int, s: int) -> None:
     """Scratch.z: forces of the points of a bridge on the string at rest [N]."""
-    bank, plain = bank_of(core), string_model(shared_of(core).model_at[me.model, PLAIN])
-    model = bank.models[me.model]
+    hand, expression = hand_of(core, s), expression_of(core, s)
+    bank, plain = bank_of(core), string_model(shared_of(core).model_at[hand.model, PLAIN])
+    model = bank.models[hand.model]
     rows = model.settling
     matrix = bank.settled[model.settled : model.settled + rows * rows].reshape(rows, rows)
-    if settle(matrix, plain.eta, me.height, plain.layers, thread) != SOLVED:
+    if settle(matrix, plain.eta, expression.height, plain.layers, thread) != SOLVED:
         scratch_of(thread).z[: plain.eta.size] = 0.0
 
 
 @njit(**CORE)
-def _rest_on_points(core: int, thread: int, me) -> None:
+def _rest_on_points(core: int, thread: int, s: int) -> None:
     """`set_rest` over several points of a bridge."""
-    bank, plain = bank_of(core), string_model(shared_of(core).model_at[me.model, PLAIN])
-    model, force = bank.models[me.model], scratch_of(thread).z
-    _press(core, thread, me)
+    hand, motion = hand_of(core, s), motion_of(core, s)
+    bank, plain = bank_of(core), string_model(shared_of(core).model_at[hand.model, PLAIN])
+    model, force = bank.models[hand.model], scratch_of(thread).z
+    _press(core, thread, s)
     heard = 0.0
     for c in range(plain.eta.size):
         if force[c] > 0.0:
-            me.lift += force[c] * bank.leverage[model.leverage + c] / bank.leverage[model.leverage]
+            motion.lift += force[c] * bank.leverage[model.leverage + c] / bank.leverage[model.leverage]
             if model.lift_output != 0.0:
                 heard += force[c] * _lift_output(plain, c)
-    me.rest = model.line_output + heard
+    motion.rest = model.line_output + heard
 
 
 @njit(**CORE)
@@ -206,11 +212,12 @@ def _lift_output(plain, c: int) -> float:
 
 
 @njit(**CORE)
-def rest_state(core: int, thread: int, me, q_rest) -> None:
+def rest_state(core: int, thread: int, s: int, q_rest) -> None:
     """q (N,) of the string at rest."""
-    model = string_model(shared_of(core).model_at[me.model, PLAIN])
-    if bank_of(core).models[me.model].settling > 0:
-        _press(core, thread, me)
+    hand, motion = hand_of(core, s), motion_of(core, s)
+    model = string_model(shared_of(core).model_at[hand.model, PLAIN])
+    if bank_of(core).models[hand.model].settling > 0:
+        _press(core, thread, s)
         force = scratch_of(thread).z
         for j in range(model.modes):
             total = 0.0
@@ -221,18 +228,18 @@ def rest_state(core: int, thread: int, me, q_rest) -> None:
     lifted = model.eta.size == 1
     for j in range(model.modes):
         q_rest[j] = 0.0 if lifted else model.q_rest[j]
-    if lifted and me.lift != 0.0:
+    if lifted and motion.lift != 0.0:
         for j in range(model.modes):
             w = model.omega[j]
-            q_rest[j] = model.shapes[0, j] * me.lift / (model.mu * w * w)
+            q_rest[j] = model.shapes[0, j] * motion.lift / (model.mu * w * w)
 
 
 @njit(**CORE)
 def refresh(core: int, thread: int, s: int) -> None:
     """Work out what an event has made stale. Here and nowhere else, once however many events came."""
-    me = state_of(core).sounding[s]
-    if me.stale == 1:
+    hand, motion = hand_of(core, s), motion_of(core, s)
+    if motion.stale == 1:
         _set_coefficients(core, thread, s)
-    if is_held(me) and not on_bridge(core, s):
+    if is_held(hand) and not on_bridge(core, s):
         fill_grip(model_address(core, s), shared_of(core).string_at[s], thread, int(np.int64(1)))
-    me.stale = 0
+    motion.stale = 0

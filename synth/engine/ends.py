@@ -8,13 +8,15 @@ from numba import njit
 
 from synth.engine.core import (
     bank_of,
+    expression_of,
+    hand_of,
     is_held,
     model_address,
     model_of,
+    motion_of,
     scratch_of,
     settings_of,
     shared_of,
-    state_of,
     string_of,
 )
 from synth.engine.hand_damping import damping
@@ -71,7 +73,7 @@ def bridge_under(core: int, s: int) -> tuple[float, float]:
 def add_end_speed(core: int, s: int, speed: float) -> None:
     """Add c · speed to the modal velocities of a string, c the moments of x/L of the model that it has now."""
     string = string_of(core, s)
-    model = bank_of(core).models[state_of(core).sounding[s].model]
+    model = bank_of(core).models[hand_of(core, s).model]
     for j in range(model.own):
         string.v[j] += _moment(model.length, j) * speed
 
@@ -79,7 +81,7 @@ def add_end_speed(core: int, s: int, speed: float) -> None:
 @njit(**CORE)
 def momentum_of(core: int, s: int) -> float:
     """What hand and losses take of it pulls at the bridge: μ Σ c v of a string [N s]."""
-    string, model = string_of(core, s), bank_of(core).models[state_of(core).sounding[s].model]
+    string, model = string_of(core, s), bank_of(core).models[hand_of(core, s).model]
     total = 0.0
     for j in range(model.own):
         total += _moment(model.length, j) * string.v[j]
@@ -98,7 +100,7 @@ def refresh_end(core: int, thread: int, s: int, model_too: bool) -> bool:
     """What its end is to a string whose finger, or (model_too) whose coefficients have become others; whether its
     certificate still holds, with a reserve. What a finger needs is filled as the string is looked at."""
     shared, scratch = shared_of(core), scratch_of(thread)
-    me = state_of(core).sounding[s]
+    motion = motion_of(core, s)
     end = end_at(shared.end_at[s])
     bank = bank_of(core)
     i = bank.strings[s].instrument
@@ -108,7 +110,7 @@ def refresh_end(core: int, thread: int, s: int, model_too: bool) -> bool:
     if model_too:
         certain = _refresh_apart(core, s)
         fill_apart(shared.end_at[s], scratch.q, scratch.v, scratch.spare)
-        end.counts[DUE] = ALL_DUE if me.altered else TABLES_DUE
+        end.counts[DUE] = ALL_DUE if motion.altered else TABLES_DUE
     return certain
 
 
@@ -117,9 +119,9 @@ def may_go_by_frames(core: int, s: int) -> bool:
     """Whether a string that a finger stops, draws or lies on may be looked at a frame at a time, where it touches nothing:
     not where its two directions rub on contacts or these are soft, nor at `fine` or better. A string that slips off a
     finger, or is struck, goes through its own steps."""
-    strings, me = bank_of(core).strings, state_of(core).sounding[s]
-    follows = me.phase == PRESS or me.phase == DRAW or me.phase == TOUCHED
-    if not follows or settings_of(core).economy == 0 or bank_of(core).models[me.model].layered:
+    strings, hand = bank_of(core).strings, hand_of(core, s)
+    follows = hand.phase == PRESS or hand.phase == DRAW or hand.phase == TOUCHED
+    if not follows or settings_of(core).economy == 0 or bank_of(core).models[hand.model].layered:
         return False
     second = strings[s].second
     return strings[s].friction == 0.0 and (second < 0 or strings[second].friction == 0.0)
@@ -129,14 +131,15 @@ def may_go_by_frames(core: int, s: int) -> bool:
 def _refresh_apart(core: int, s: int) -> bool:
     """Numbers of a string's end, and its flight over a frame as far as it is heard; whether its certificate still holds."""
     shared, bank = shared_of(core), bank_of(core)
-    me = state_of(core).sounding[s]
-    plain, model = string_model(shared.model_at[me.model, PLAIN]), model_of(core, s)
-    end, fixed = end_at(shared.end_at[s]), bank.models[me.model]
-    bend_ratio = 2.0 ** (me.bend / 12.0)
-    certain = end.counts[REACH_OF] == me.model + 1 and end.numbers[RAISED] == me.height and end.counts[ENGAGED] == 0
-    certain = certain and not is_held(me) and outlives_bend(shared.end_at[s], bend_ratio / end.numbers[RATIO])
-    end.numbers[RATIO], end.numbers[RAISED] = bend_ratio, me.height
-    if end.counts[REACH_OF] != me.model + 1:
+    hand, expression = hand_of(core, s), expression_of(core, s)
+    plain, model = string_model(shared.model_at[hand.model, PLAIN]), model_of(core, s)
+    end, fixed = end_at(shared.end_at[s]), bank.models[hand.model]
+    bend_ratio = 2.0 ** (expression.bend / 12.0)
+    certain = end.counts[REACH_OF] == hand.model + 1 and end.numbers[RAISED] == expression.height
+    certain = certain and end.counts[ENGAGED] == 0 and not is_held(hand)
+    certain = certain and outlives_bend(shared.end_at[s], bend_ratio / end.numbers[RATIO])
+    end.numbers[RATIO], end.numbers[RAISED] = bend_ratio, expression.height
+    if end.counts[REACH_OF] != hand.model + 1:
         for j in range(end.kick.size):
             c = _moment(fixed.length, j) if j < fixed.own else 0.0
             end.kick[j] = -c
@@ -148,17 +151,17 @@ def _refresh_apart(core: int, s: int) -> bool:
         end.counts[FELT_MODES] = min(audible, padded(fixed.driven)) if settings_of(core).economy else audible
         for k in range(fixed.contacts):
             end.leverage[k] = bank.leverage[fixed.leverage + k]
-        fill_reach(shared.model_at[me.model, PLAIN], shared.end_at[s])
+        fill_reach(shared.model_at[hand.model, PLAIN], shared.end_at[s])
         end.numbers[PLAIN_REACH] = end.numbers[KICK_REACH]
-        end.counts[REACH_OF] = me.model + 1
+        end.counts[REACH_OF] = hand.model + 1
     set_apart_modes(shared.end_at[s])
     end.numbers[TENSION] = fixed.tension * bend_ratio * bend_ratio / fixed.length
     end.numbers[RELIEF] = 1.0 / (bend_ratio * bend_ratio) - 1.0
     # no frequency falls by more than the bend: stiffness stays
     end.numbers[KICK_REACH] = end.numbers[PLAIN_REACH] * max(1.0, 1.0 / bend_ratio)
-    bent = 1.0 if me.bend != 0.0 else 0.0
+    bent = 1.0 if expression.bend != 0.0 else 0.0
     for j in range(plain.modes):
-        end.sigma[j] = damping(plain.sigma[j], me.hand, bent * model.omega[j] * plain.dt)
+        end.sigma[j] = damping(plain.sigma[j], expression.hand, bent * model.omega[j] * plain.dt)
     n = end.counts[APART_MODES]
     quick_coefficients(EXACT_HOLD, model.omega[:n], end.sigma[:n], plain.mu, 1.0 / settings_of(core).rate_hz, end.flight)
     complete_rows(end.flight, padded(n))

@@ -21,13 +21,22 @@ import numpy as np
 from synth.dsp.decimator import LATENCY_FRAMES
 from synth.dsp.limiter import largest_reduction_db
 from synth.engine import arguments, layout
-from synth.engine.bank import Strings, build_bank, default_parameters, new_scratch, new_shared, new_state, span_quanta
+from synth.engine.bank import (
+    Strings,
+    build_bank,
+    default_parameters,
+    new_scratch,
+    new_shared,
+    new_sounding,
+    new_state,
+    span_quanta,
+)
 from synth.engine.core import CORE_PARTS
 from synth.engine.effect_chains import Chains
 from synth.engine.engine_settings import EngineOptions, EngineSettings
 from synth.engine.excite import Excitations
 from synth.engine.hands import voices_for
-from synth.engine.layout import Bank, Effects, Settings, Shared, State
+from synth.engine.layout import Bank, Effects, Settings, Shared, Sounding, State
 from synth.engine.memory_map import EngineMemory
 from synth.engine.numbers import a_count, a_number
 from synth.engine.parameters import GAIN_SMOOTHING_S, Bindings, Parameter, bound_rows, parameters_of
@@ -320,11 +329,13 @@ class Engine(Uncopied):
         self._excitations.point(self._shared)
         self._scratch = new_scratch(bank), new_scratch(bank)
         self._thread_table = table(*self._scratch)
-        self._state: State = new_state(bank, self._core_settings.span, default_parameters(compiled), self._chains.at_rest())
-        self._fresh: State = new_state(bank, self._core_settings.span, default_parameters(compiled), self._chains.at_rest())
+        at_rest = bank, self._core_settings.span, default_parameters(compiled), self._chains.at_rest()
+        self._state: State = new_state(*at_rest)
+        self._sounding: Sounding = new_sounding(bank)
+        self._fresh = (*new_state(*at_rest), *new_sounding(bank))
         self._effects: Effects
         self._effects, self._effect_tables = self._chains.bound(self._state)
-        self._core = table(bank, self._state, self._shared, self._core_settings, self._effects)
+        self._core = table(bank, self._state, self._sounding, self._shared, self._core_settings, self._effects)
         self._shared.task[layout.HANDLE] = policy.entry(self._policy).address
         self._observed = None
         self._bank = bank
@@ -364,7 +375,7 @@ class Engine(Uncopied):
             self._core_settings = self._core_settings._replace(seed=self.settings.seed)
             settings, at = table(self._core_settings), sum(map(words, CORE_PARTS[: CORE_PARTS.index(Settings)]))
             self._core[at : at + settings.size] = settings
-        for mine, fresh in zip(self._state, self._fresh, strict=True):
+        for mine, fresh in zip((*self._state, *self._sounding), self._fresh, strict=True):
             bytes_of(mine[: len(fresh)])[:] = bytes_of(fresh)
         self._strings.reset()
         self._shared.task[layout.UNTIL] = 0
@@ -386,7 +397,8 @@ class Engine(Uncopied):
     def _place_voices(self) -> None:
         """The voice policy's table, which leads to the core's."""
         addresses = self._core.ctypes.data, self._thread_table.ctypes.data
-        self._voices = table(voices_for(self._prepared(), self._state, self._shared, self._core_settings, *addresses))
+        arrays = self._prepared(), self._state, self._sounding, self._shared
+        self._voices = table(voices_for(*arrays, self._core_settings, *addresses))
         self._shared.task[layout.VOICES] = self._voices.ctypes.data
 
     def _make_team(self) -> None:
@@ -397,7 +409,8 @@ class Engine(Uncopied):
         if workers > 0:
             self._worker_scratch = [(new_scratch(bank), new_scratch(bank)) for _ in range(workers)]
             scratches = [table(*scratch) for scratch in self._worker_scratch]
-            keep = (bank, self._state, self._shared, self._strings, self._excitations, self._worker_scratch)
+            arrays = bank, self._state, self._sounding, self._shared
+            keep = (*arrays, self._strings, self._excitations, self._worker_scratch)
             self._team = Team(self, self._core, self._shared.team, scratches, keep)
         else:
             compiling.spares(ATTEND)
@@ -449,6 +462,7 @@ class Engine(Uncopied):
         return EngineMemory(
             self._built,
             self._state,
+            self._sounding,
             self._shared,
             self._core_settings,
             self._effects,
@@ -504,18 +518,18 @@ class Engine(Uncopied):
     def strings_sounding(self) -> int:
         """How many strings sound, without those that are awake only because they share a bridge."""
         self._prepared()
-        return int((self._state.sounding["awake"] - self._state.sounding["idle"]).sum())
+        return int((self._sounding.voices["awake"] - self._sounding.voices["idle"]).sum())
 
     @property
     def struck(self) -> list[tuple[int, int]]:
         """Strings that have been struck since `reset`, each with the fret that it is stopped at now: (number among all
         parts' `compiled` strings, fret)."""
-        bank, sounding = self._prepared(), self._state.sounding
+        bank, sounding = self._prepared(), self._sounding
         found = []
         firsts = np.flatnonzero(bank.strings["of_first"] == 0)
         for number, s in enumerate(firsts):
-            if sounding["strokes"][s]:
-                at = (bank.positions["string"] == s) & (bank.positions["model"] == sounding["model"][s])
+            if sounding.strokes["strokes"][s]:
+                at = (bank.positions["string"] == s) & (bank.positions["model"] == sounding.hands["model"][s])
                 found += [(number, int(fret)) for fret in bank.positions["fret"][at][:1]]
         return found
 
@@ -563,7 +577,7 @@ class Engine(Uncopied):
     def silent(self) -> bool:
         """No string is awake and no event waits."""
         self._prepared()
-        return not (self._state.sounding["awake"].any() or self._state.counters[layout.PENDING])
+        return not (self._sounding.voices["awake"].any() or self._state.counters[layout.PENDING])
 
     @property
     def spare(self) -> float:
@@ -597,7 +611,7 @@ class Engine(Uncopied):
     def _set_queue(self, pending: np.ndarray) -> None:
         """Another array for the events that wait."""
         state = self._state._replace(pending=np.ascontiguousarray(pending))
-        fresh = table(self._prepared(), state, self._shared, self._core_settings, self._effects)
+        fresh = table(self._prepared(), state, self._sounding, self._shared, self._core_settings, self._effects)
         self._core[: fresh.size] = fresh  # what stands behind its own parts stays
         self._state = state
 
@@ -605,7 +619,7 @@ class Engine(Uncopied):
     def mode_steps(self) -> int:
         """Work done since reset: modes × internal steps."""
         self._prepared()
-        return int(self._state.sounding["mode_steps"].sum())
+        return int(self._sounding.tallies["mode_steps"].sum())
 
     def report(self) -> EngineReport:
         """What has happened since `reset`."""
@@ -631,6 +645,6 @@ class Engine(Uncopied):
             int(counters[layout.N_TAKEN]),
             int(counters[layout.N_DROPPED]),
             self.mode_steps,
-            int(state.sounding["unsolved"].sum()),
-            int(state.sounding["silenced"].sum() + state.part_state["silenced"].sum() + counters[layout.N_SILENCED]),
+            int(self._sounding.tallies["unsolved"].sum()),
+            int(self._sounding.tallies["silenced"].sum() + state.part_state["silenced"].sum() + counters[layout.N_SILENCED]),
         )

@@ -10,7 +10,7 @@ import math
 
 from numba import njit
 
-from synth.engine.core import bank_of, settings_of, shared_of, state_of
+from synth.engine.core import bank_of, expression_of, hand_of, settings_of, shared_of, state_of, voice_of
 from synth.engine.layout import CORE, FIRST_QUANTUM, HEIGHT, NO_FINGER, PARAMETER_RANGES, QUANTUM, TOUCHED
 from synth.solver.board_table import board_at
 
@@ -43,12 +43,12 @@ def approach(now: float, target: float, share: float, close: float) -> float:
 def _pressed(core: int, s: int) -> float:
     """The pressure on a string, 0 … 1: of its channel, its zone and its key, as long as the key is held."""
     state = state_of(core)
-    me = state.sounding[s]
-    if not me.held:
+    voice = voice_of(core, s)
+    if not voice.held:
         return 0.0
-    c = me.channel
+    c = voice.channel
     master = state.channels[c].master
-    total = state.channels[c].pressure + me.key_pressure
+    total = state.channels[c].pressure + voice.key_pressure
     if master != c:
         total += state.channels[master].pressure
     return min(1.0, total)
@@ -57,36 +57,38 @@ def _pressed(core: int, s: int) -> float:
 @njit(**CORE)
 def settle(core: int, s: int) -> None:
     """A silent string takes its tuning and pressure over at once."""
-    me = state_of(core).sounding[s]
-    me.retuned = me.retune_to
-    me.pressure = _pressed(core, s)
+    voice, expression = voice_of(core, s), expression_of(core, s)
+    expression.retuned = voice.retune_to
+    expression.pressure = _pressed(core, s)
 
 
 @njit(**CORE)
 def follow(core: int, s: int) -> None:
     """A sounding string's tuning and pressure over one quantum."""
-    me = state_of(core).sounding[s]
+    voice, hand, expression = voice_of(core, s), hand_of(core, s), expression_of(core, s)
     pressed = _pressed(core, s)
-    if me.retuned != me.retune_to or me.pressure != pressed:
+    if expression.retuned != voice.retune_to or expression.pressure != pressed:
         share = control_share(core)
-        me.retuned = approach(me.retuned, me.retune_to, share, 1e-4)
-        me.pressure = approach(me.pressure, pressed, share, 1e-4)
-    if me.pull != me.pull_to:
+        expression.retuned = approach(expression.retuned, voice.retune_to, share, 1e-4)
+        expression.pressure = approach(expression.pressure, pressed, share, 1e-4)
+    if expression.pull != voice.pull_to:
         seconds = bank_of(core).parts[bank_of(core).strings[s].part].meend_s
-        if me.phase != NO_FINGER and me.phase != TOUCHED:
+        if hand.phase != NO_FINGER and hand.phase != TOUCHED:
             seconds = LET_BACK_S
-        me.pull = approach(me.pull, me.pull_to, 1.0 - math.exp(-QUANTUM / (seconds * settings_of(core).rate_hz)), 1e-3)
-    if me.slide != 0.0:
-        board = board_at(shared_of(core).board_at[me.model])
-        me.slide = approach(me.slide, 0.0, 1.0 - math.exp(-QUANTUM / (board.slide_s * settings_of(core).rate_hz)), 1e-3)
+        share = 1.0 - math.exp(-QUANTUM / (seconds * settings_of(core).rate_hz))
+        expression.pull = approach(expression.pull, voice.pull_to, share, 1e-3)
+    if expression.slide != 0.0:
+        board = board_at(shared_of(core).board_at[hand.model])
+        share = 1.0 - math.exp(-QUANTUM / (board.slide_s * settings_of(core).rate_hz))
+        expression.slide = approach(expression.slide, 0.0, share, 1e-3)
 
 
 @njit(**CORE)
 def is_settled(core: int, s: int) -> bool:
     """Whether `follow` has nothing to follow."""
-    me = state_of(core).sounding[s]
-    tuned = me.retuned == me.retune_to and me.pull == me.pull_to and me.slide == 0.0
-    return tuned and me.pressure == _pressed(core, s)
+    voice, expression = voice_of(core, s), expression_of(core, s)
+    tuned = expression.retuned == voice.retune_to and expression.pull == voice.pull_to and expression.slide == 0.0
+    return tuned and expression.pressure == _pressed(core, s)
 
 
 @njit(**CORE)
@@ -94,10 +96,10 @@ def vibrato_of(core: int, s: int, k: int) -> float:
     """Semitones by which the hand shakes a string in quantum k of the span: as far as the wheels of its channel and of its
     zone's master ask for, at instants that follow from the number of the quantum alone."""
     state, shared = state_of(core), shared_of(core)
-    me, part = state.sounding[s], bank_of(core).parts[bank_of(core).strings[s].part]
-    if part.vibrato == 0.0 or me.idle:
+    voice, part = voice_of(core, s), bank_of(core).parts[bank_of(core).strings[s].part]
+    if part.vibrato == 0.0 or voice.idle:
         return 0.0
-    c = me.channel
+    c = voice.channel
     master = state.channels[c].master
     wheel = shared.shakes[k, c]
     if master != c:
@@ -115,23 +117,24 @@ def bend_of(core: int, s: int, k: int, of_channel: float, of_master: float) -> f
     """Semitones of a string in quantum k of the span: bends of its channel and its zone's master, tuning, a finger's slide,
     its pull across the fret, its vibrato, pressure. No hand bends one that no key plays, or that has not been played."""
     state = state_of(core)
-    me = state.sounding[s]
-    if bank_of(core).strings[s].positions == 0 or me.idle:
-        return me.retuned
+    voice, expression = voice_of(core, s), expression_of(core, s)
+    if bank_of(core).strings[s].positions == 0 or voice.idle:
+        return expression.retuned
     bend = of_channel
-    if state.channels[me.channel].master != me.channel:
+    if state.channels[voice.channel].master != voice.channel:
         bend += of_master
-    bend += me.retuned + me.slide + me.pressure * bank_of(core).parts[bank_of(core).strings[s].part].pressure_bend
-    bend += me.pull + vibrato_of(core, s, k)
+    part = bank_of(core).parts[bank_of(core).strings[s].part]
+    bend += expression.retuned + expression.slide + expression.pressure * part.pressure_bend
+    bend += expression.pull + vibrato_of(core, s, k)
     return max(-MOST_BEND, min(MOST_BEND, bend))
 
 
 @njit(**CORE)
 def height_of(core: int, s: int, of_part: float) -> float:
     """How far the obstacle is raised under a string [m]: with its part and by pressure, within the parameter's range."""
-    me = state_of(core).sounding[s]
+    expression = expression_of(core, s)
     low, high = PARAMETER_RANGES[HEIGHT]
-    height = of_part + me.pressure * bank_of(core).strings[s].pressure_height
+    height = of_part + expression.pressure * bank_of(core).strings[s].pressure_height
     return max(1e-6 * low, min(1e-6 * high, height))
 
 

@@ -26,13 +26,19 @@ from synth.engine.core import (
     bank_of,
     flight_address,
     flight_of,
+    hand_of,
     is_held,
     model_of,
+    motion_of,
+    progress_of,
     scratch_of,
     shared_of,
     state_of,
     string_of,
+    stroke_of,
+    tally_of,
 )
+from synth.engine.hold import grip_anew
 from synth.engine.layout import CORE, FADE, FLYING, QUANTUM, STEPS_DUE
 from synth.engine.output import collect
 from synth.solver.block_rows import BLOCK
@@ -47,52 +53,52 @@ from synth.solver.stringmodel import CERTAIN, FREE, MOVING
 @njit(**CORE)
 def take_off(core: int, thread: int, s: int) -> None:
     """From here on at the output rate. Modes that the decimator stops end."""
-    me, string = state_of(core).sounding[s], string_of(core, s)
-    audible = bank_of(core).models[me.model].audible
-    if me.altered:
+    hand, motion, string = hand_of(core, s), motion_of(core, s), string_of(core, s)
+    audible = bank_of(core).models[hand.model].audible
+    if motion.altered:
         alter_flight(core, thread, s)
     _keep_fade(core, thread, s, 1.0)
     for j in range(audible, string.counts[MOVING]):
-        if is_held(me):  # what lies on it finds it as it is without them
+        if is_held(hand):  # what lies on it finds it as it is without them
             string.finger[0].here -= string.finger_weights[j] * string.q[j]
         string.q[j] = 0.0
         string.v[j] = 0.0
     string.counts[MOVING] = min(string.counts[MOVING], audible)
-    me.flying = FLYING
-    if is_held(me):
+    motion.flying = FLYING
+    if is_held(hand):
         fill_grip(flight_address(core, s), shared_of(core).string_at[s], thread, int(np.int64(1)))
 
 
 @njit(**CORE)
 def touch_down(core: int, thread: int, s: int) -> None:
     """Back to the internal rate: before anything changes the string."""
-    me = state_of(core).sounding[s]
-    if me.flying == STEPS_DUE and me.altered:
+    hand, motion = hand_of(core, s), motion_of(core, s)
+    if motion.flying == STEPS_DUE and motion.altered:
         alter_steps(core, thread, s)
     _keep_fade(core, thread, s, -1.0)
-    me.flying = 0
+    motion.flying = 0
     string = string_of(core, s)
     if string.counts[FREE] == 0:
-        string.counts[MOVING] = bank_of(core).models[me.model].n
-    if is_held(me) and me.stale == 0:
-        me.stale = 2
+        string.counts[MOVING] = bank_of(core).models[hand.model].n
+    if is_held(hand):
+        grip_anew(core, s)
 
 
 @njit(**CORE)
 def _keep_fade(core: int, thread: int, s: int, sign: float) -> None:
     """Add what the string would go on to do, weighed with w, to what is still to fade of earlier changes."""
     bank, state, scratch, string = bank_of(core), state_of(core), scratch_of(thread), string_of(core, s)
-    me = state.sounding[s]
+    hand, motion = hand_of(core, s), motion_of(core, s)
     fixed = bank.strings[s]
     moving, row = string.counts[MOVING], scratch.path
     for direct in range(2):
         factor = 1 if direct else fixed.factor
         model = flight_of(core, s) if direct else model_of(core, s)
         points = model.points
-        n = min(moving, bank.models[me.model].audible) if direct else moving
+        n = min(moving, bank.models[hand.model].audible) if direct else moving
         kept = state.direct_fade[s] if direct else state.fade[fixed.fade : fixed.fade + FADE * factor]
-        left = max(0, me.fade_to - me.fade_at) * factor
-        first = me.fade_at * factor
+        left = max(0, motion.fade_to - motion.fade_at) * factor
+        first = motion.fade_at * factor
         for k in range(left):
             kept[k] = kept[first + k]
         kept[left:] = 0.0
@@ -102,7 +108,7 @@ def _keep_fade(core: int, thread: int, s: int, sign: float) -> None:
         for j in range(n):
             q[j] = string.q[j]
             v[j] = string.v[j]
-        base = me.base
+        base = motion.base
         steps = QUANTUM * factor
         out = scratch.out[: points * steps].reshape(points, steps)
         weights = model.weights[model.first : model.first + points]
@@ -112,25 +118,25 @@ def _keep_fade(core: int, thread: int, s: int, sign: float) -> None:
             for k in range(steps):
                 w = 0.5 + 0.5 * math.cos(math.pi * (at + k + 1) / (FADE * factor))
                 kept[at + k] += (-sign if direct else sign) * w * row[k]
-    me.fade_at = 0
-    me.fade_to = FADE
+    motion.fade_at = 0
+    motion.fade_to = FADE
 
 
 @njit(**CORE)
 def fly(core: int, thread: int, s: int, start: int, frames: int) -> None:
     """`frames` frames of a string in flight from frame `start` of the span, into its direct row."""
     scratch, string, model = scratch_of(thread), string_of(core, s), flight_of(core, s)
-    me = state_of(core).sounding[s]
+    hand, stroke, motion, tally = hand_of(core, s), stroke_of(core, s), motion_of(core, s), tally_of(core, s)
     n, points = string.counts[MOVING], model.points
     out = scratch.out[: points * frames].reshape(points, frames)
     blocks = frames // BLOCK
     rest = frames - blocks * BLOCK
-    if is_held(me):
+    if is_held(hand):
         scratch.path[: frames + 1] = 0.0
         string.finger[0].on = 1
         advance(flight_address(core, s), shared_of(core).string_at[s], thread, frames, int(np.int64(1)))
         string.counts[CERTAIN] = 0  # of its contacts it has none in flight
-        me.finger_step += frames * bank_of(core).strings[s].factor
+        stroke.finger_step += frames * bank_of(core).strings[s].factor
         rest = int(np.int64(0))
     else:
         fly_modes(flight_address(core, s), thread, string.q, string.v, n, blocks, out)
@@ -140,59 +146,59 @@ def fly(core: int, thread: int, s: int, start: int, frames: int) -> None:
             rest, model.rows, string.q[:n], string.v[:n], model.weights[0], model.weights[1], model.on_q,
             points - model.on_q, out[0, begin:], out[points - 1, begin:],
         )  # fmt: skip
-    me.mode_steps += n * frames
-    me.base = collect(core, thread, s, frames, 1, me.base, direct_row(core, s, start, frames))
+    tally.mode_steps += n * frames
+    motion.base = collect(core, thread, s, frames, 1, motion.base, direct_row(core, s, start, frames))
 
 
 @njit(**CORE)
 def row_of(core: int, s: int, start: int, frames: int):
     """Where a string's steps of these frames of the span go; what lies between them and earlier ones is nothing."""
     fixed = bank_of(core).strings[s]
-    me = state_of(core).sounding[s]
+    progress = progress_of(core, s)
     row = shared_of(core).rows[fixed.row :]
     at = start * fixed.factor
-    if me.row_from == me.row_to:
-        me.row_from = at
-    elif me.row_to < at:
-        row[me.row_to : at] = 0.0
-    me.row_to = at + frames * fixed.factor
-    return row[at : me.row_to]
+    if progress.row_from == progress.row_to:
+        progress.row_from = at
+    elif progress.row_to < at:
+        row[progress.row_to : at] = 0.0
+    progress.row_to = at + frames * fixed.factor
+    return row[at : progress.row_to]
 
 
 @njit(**CORE)
 def direct_row(core: int, s: int, start: int, frames: int):
     """The same for its frames in flight."""
     fixed = bank_of(core).strings[s]
-    me = state_of(core).sounding[s]
+    progress = progress_of(core, s)
     row = shared_of(core).direct[fixed.direct :]
-    if me.direct_from == me.direct_to:
-        me.direct_from = start
-    elif me.direct_to < start:
-        row[me.direct_to : start] = 0.0
-    me.direct_to = start + frames
-    return row[start : me.direct_to]
+    if progress.direct_from == progress.direct_to:
+        progress.direct_from = start
+    elif progress.direct_to < start:
+        row[progress.direct_to : start] = 0.0
+    progress.direct_to = start + frames
+    return row[start : progress.direct_to]
 
 
 @njit(**CORE)
 def fade(core: int, s: int, start: int, frames: int) -> None:
     """Add what still fades of the last changes during these frames of the span, behind what the string has given."""
     bank, state, shared = bank_of(core), state_of(core), shared_of(core)
-    me = state.sounding[s]
-    count = min(frames, me.fade_to - me.fade_at)
+    motion = motion_of(core, s)
+    count = min(frames, motion.fade_to - motion.fade_at)
     if count <= 0:
         return
     fixed = bank.strings[s]
     factor = fixed.factor
-    if me.flying:
+    if motion.flying:
         row_of(core, s, start, count)[:] = 0.0
     else:
         direct_row(core, s, start, count)[:] = 0.0
     row = shared.rows[fixed.row + start * factor :]
-    kept = state.fade[fixed.fade + me.fade_at * factor :]
+    kept = state.fade[fixed.fade + motion.fade_at * factor :]
     for k in range(count * factor):
         row[k] += kept[k]
     direct = shared.direct[fixed.direct + start :]
-    direct_kept = state.direct_fade[s, me.fade_at :]
+    direct_kept = state.direct_fade[s, motion.fade_at :]
     for i in range(count):
         direct[i] += direct_kept[i]
-    me.fade_at += count
+    motion.fade_at += count

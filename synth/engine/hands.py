@@ -4,10 +4,24 @@ from __future__ import annotations
 
 from numba import njit
 
-from synth.engine.core import bank_of, shared_of, state_of
+from synth.engine.core import bank_of, progress_of, shared_of, state_of, voice_of
 from synth.engine.hand_damping import CUT_S
+from synth.engine.hold import begin_phase
 from synth.engine.instruments import played_strings
-from synth.engine.layout import AWAKE, CORE, MOST_AWAKE, NO_FINGER, NOBODY, UNTIL, WORK_ON, Bank, Settings, Shared, State
+from synth.engine.layout import (
+    AWAKE,
+    CORE,
+    MOST_AWAKE,
+    NO_FINGER,
+    NOBODY,
+    UNTIL,
+    WORK_ON,
+    Bank,
+    Settings,
+    Shared,
+    Sounding,
+    State,
+)
 from synth.engine.strings import damp, let_go, pluck
 from synth.engine.voices.voice_table import CUT, GO_ON, LET_GO, PLUCK, SLUR, Voices
 from synth.jit.entries import entry
@@ -23,10 +37,7 @@ def perform(core: int, thread: int, action: int, place: int, velocity: int) -> N
     elif action == PLUCK or action == SLUR:
         _pluck(core, thread, place, float(velocity), action == SLUR)
     elif action == CUT:
-        second = bank_of(core).strings[place].second
-        state_of(core).sounding[place].phase = NO_FINGER
-        if second >= 0:
-            state_of(core).sounding[second].phase = NO_FINGER
+        begin_phase(core, place, NO_FINGER)
         damp(core, place, CUT_S)
     elif action == LET_GO:
         let_go(core, thread, place)
@@ -36,20 +47,20 @@ def perform(core: int, thread: int, action: int, place: int, velocity: int) -> N
 def _go_on(core: int, thread: int, s: int) -> None:
     """Let a string that is about to be touched go on to the frame of the event."""
     shared = shared_of(core)
-    me = state_of(core).sounding[s]
-    if me.awake and me.reached < shared.task[UNTIL]:
+    voice, progress = voice_of(core, s), progress_of(core, s)
+    if voice.awake and progress.reached < shared.task[UNTIL]:
         i = bank_of(core).strings[s].instrument
         before = played_strings(core, i)
         call_back(shared.task[WORK_ON], core, thread, i, NOBODY)
         state_of(core).counters[AWAKE] -= before - played_strings(core, i)  # had blown up
-    me.reached = shared.task[UNTIL]
+    progress.reached = shared.task[UNTIL]
 
 
 @njit(**CORE)
 def _pluck(core: int, thread: int, k: int, velocity: float, legato: bool) -> None:
     position, state = bank_of(core).positions[k], state_of(core)
-    me = state.sounding[position.string]
-    if not me.awake or me.idle:
+    voice = voice_of(core, position.string)
+    if not voice.awake or voice.idle:
         state.counters[AWAKE] += 1
         state.counters[MOST_AWAKE] = max(state.counters[MOST_AWAKE], state.counters[AWAKE])
     pluck(core, thread, position.string, position.model, velocity, legato)
@@ -59,9 +70,11 @@ def respond(core: int, thread: int, action: int, place: int, velocity: int) -> N
     perform(core, thread, action, place, velocity)
 
 
-def voices_for(bank: Bank, state: State, shared: Shared, settings: Settings, core: int, thread: int) -> Voices:
+def voices_for(
+    bank: Bank, state: State, sounding: Sounding, shared: Shared, settings: Settings, core: int, thread: int
+) -> Voices:
     """The policy's view of an engine whose strings it moves."""
-    arrays = {**bank._asdict(), **state._asdict(), **shared._asdict()}
+    arrays = {**bank._asdict(), **state._asdict(), **sounding._asdict(), **shared._asdict()}
     seen = {name: arrays[name] for name, field in fields(Voices).items() if field.shape}
     return Voices(
         **seen,

@@ -6,7 +6,7 @@ import math
 
 from numba import njit
 
-from synth.engine.core import bank_of, settings_of, shared_of, state_of, string_of
+from synth.engine.core import bank_of, hand_of, motion_of, settings_of, shared_of, string_of, stroke_of, voice_of
 from synth.engine.ends import bridge_under, on_bridge
 from synth.engine.layout import CORE
 from synth.instrument.excitations import MOST_HOLD_S
@@ -31,7 +31,7 @@ def take_hold(
     second = bank_of(core).strings[s].second
     if second >= 0:
         there = _take_hold(core, second, distance, width, stiffness, resistance, min(seconds, MOST_HOLD_S))
-        state_of(core).sounding[second].finger_to = there
+        stroke_of(core, second).finger_to = there
     return _take_hold(core, s, distance, width, stiffness, resistance, min(seconds, MOST_HOLD_S))
 
 
@@ -41,8 +41,8 @@ def _take_hold(
 ) -> float:
     """`take_hold` of one direction."""
     bank, string = bank_of(core), string_of(core, s)
-    me = state_of(core).sounding[s]
-    model = bank.models[me.model]
+    voice, hand, stroke = voice_of(core, s), hand_of(core, s), stroke_of(core, s)
+    model = bank.models[hand.model]
     n = model.n
     string.counts[MOVING] = n
     string.counts[FREE] = 0
@@ -65,21 +65,28 @@ def _take_hold(
         leverage = x / model.length
         end_at(shared_of(core).end_at[s]).numbers[FINGER_LEVERAGE] = leverage
         here += leverage * bridge_under(core, s)[0]
-    me.finger_from = here
+    stroke.finger_from = here
     finger.here = here
     finger.push = 0.0
-    me.level = LOUD
-    if me.stale == 0:
-        me.stale = 2
+    voice.level = LOUD
+    grip_anew(core, s)
     return here
+
+
+@njit(**CORE)
+def grip_anew(core: int, s: int) -> None:
+    """The finger's coupling is to be worked out before the next step."""
+    motion = motion_of(core, s)
+    if motion.stale == 0:  # else that is part of it
+        motion.stale = 2
 
 
 @njit(**CORE)
 def _begin(core: int, s: int, seconds: float) -> None:
     """In whole output frames, so that it ends at the same instant at every internal rate."""
-    me = state_of(core).sounding[s]
-    me.finger_step = 0
-    me.finger_steps = max(2, round(seconds * settings_of(core).rate_hz)) * bank_of(core).strings[s].factor
+    stroke = stroke_of(core, s)
+    stroke.finger_step = 0
+    stroke.finger_steps = max(2, round(seconds * settings_of(core).rate_hz)) * bank_of(core).strings[s].factor
 
 
 @njit(**CORE)
@@ -94,7 +101,7 @@ def last(core: int, s: int, seconds: float) -> None:
 @njit(**CORE)
 def begin_phase(core: int, s: int, phase: int) -> None:
     """What the hand does to the string now, in all of its directions."""
-    state, second = state_of(core), bank_of(core).strings[s].second
-    state.sounding[s].phase = phase
+    second = bank_of(core).strings[s].second
+    hand_of(core, s).phase = phase
     if second >= 0:
-        state.sounding[second].phase = phase
+        hand_of(core, second).phase = phase

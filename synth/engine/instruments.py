@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from synth.engine.core import bank_of, is_held, state_of, string_of
+from synth.engine.core import bank_of, hand_of, is_held, motion_of, string_of, voice_of
 from synth.engine.layout import CORE, SLEEP_BELOW
 from synth.solver.stringmodel import FREE, MOVING
 
@@ -19,9 +19,9 @@ FINGER_COST = 2
 @njit(**CORE)
 def is_awake(core: int, i: int) -> bool:
     """Whether any of its strings is."""
-    instrument, sounding = bank_of(core).instruments[i], state_of(core).sounding
+    instrument = bank_of(core).instruments[i]
     for s in range(instrument.first_string, instrument.end_string):
-        if sounding[s].awake:
+        if voice_of(core, s).awake:
             return True
     return False
 
@@ -29,23 +29,23 @@ def is_awake(core: int, i: int) -> bool:
 @njit(**CORE)
 def played_strings(core: int, i: int) -> int:
     """How many of its strings are, and not only because they share a bridge with others."""
-    instrument, sounding = bank_of(core).instruments[i], state_of(core).sounding
+    instrument = bank_of(core).instruments[i]
     count = 0
     for s in range(instrument.first_string, instrument.end_string):
-        count += sounding[s].awake - sounding[s].idle
+        count += voice_of(core, s).awake - voice_of(core, s).idle
     return count
 
 
 @njit(**CORE)
 def cost(core: int, i: int, frames: int) -> int:
     """About how many mode-steps so many frames of it take."""
-    bank, sounding = bank_of(core), state_of(core).sounding
+    bank = bank_of(core)
     total = 0
     for s in range(bank.instruments[i].first_string, bank.instruments[i].end_string):
-        me = sounding[s]
-        if me.awake:
-            each = FINGER_COST if is_held(me) else 1
-            factor = 1 if me.flying else bank.strings[s].factor
+        voice, hand, motion = voice_of(core, s), hand_of(core, s), motion_of(core, s)
+        if voice.awake:
+            each = FINGER_COST if is_held(hand) else 1
+            factor = 1 if motion.flying else bank.strings[s].factor
             total += each * string_of(core, s).counts[MOVING] * factor * frames
     return total
 
@@ -53,11 +53,11 @@ def cost(core: int, i: int, frames: int) -> int:
 @njit(**CORE)
 def may_sleep(core: int, s: int) -> bool:
     """Whether a string whose level is below SLEEP_BELOW may sleep: what it is together with is as quiet."""
-    bank, sounding = bank_of(core), state_of(core).sounding
+    bank = bank_of(core)
     instrument = bank.instruments[bank.strings[s].instrument]
     if instrument.together:
         for other in range(instrument.first_string, instrument.end_string):
-            if sounding[other].awake and sounding[other].level >= SLEEP_BELOW:
+            if voice_of(core, other).awake and voice_of(core, other).level >= SLEEP_BELOW:
                 return False
     return True
 
@@ -65,10 +65,10 @@ def may_sleep(core: int, s: int) -> bool:
 @njit(**CORE)
 def may_fly(core: int, s: int) -> bool:
     """Whether a string that can touch nothing may go on at the output rate: so can nothing that it is together with."""
-    bank, sounding = bank_of(core), state_of(core).sounding
+    bank = bank_of(core)
     instrument = bank.instruments[bank.strings[s].instrument]
     if instrument.together:
         for other in range(instrument.first_string, instrument.end_string):
-            if sounding[other].awake and string_of(core, other).counts[FREE] == 0:
+            if voice_of(core, other).awake and string_of(core, other).counts[FREE] == 0:
                 return False
     return True

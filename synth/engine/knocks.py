@@ -7,7 +7,7 @@ import math
 from numba import njit
 
 from synth.engine.chance import ROUGH, key_of, uneven
-from synth.engine.core import bank_of, settings_of, shared_of, state_of
+from synth.engine.core import bank_of, knock_of, settings_of, shared_of, stroke_of
 from synth.engine.layout import CORE
 from synth.solver.coupling import coupling_at
 
@@ -18,16 +18,16 @@ _UNSTEADY = 1 << 22
 @njit(**CORE)
 def begin_knock(core: int, s: int, force: float, delay_s: float) -> None:
     """The hand that plays a string begins to push on the body, if there is one; `force` at most [N]."""
-    state_of(core).sounding[s].knock = force
+    knock_of(core, s).force = force
     _begin(core, s, force, delay_s)
 
 
 @njit(**CORE)
 def knock_again(core: int, s: int, share: float) -> None:
     """As a note ends, the hand pushes with a share of the stroke's force, unless that push is not over."""
-    me = state_of(core).sounding[s]
-    if me.knock_steps == 0:
-        _begin(core, s, share * me.knock, 0.0)
+    knock = knock_of(core, s)
+    if knock.steps == 0:
+        _begin(core, s, share * knock.force, 0.0)
 
 
 @njit(**CORE)
@@ -35,44 +35,50 @@ def _begin(core: int, s: int, force: float, delay_s: float) -> None:
     if shared_of(core).end_at[s] == 0:
         return
     rate_hz, part = settings_of(core).rate_hz, bank_of(core).parts[bank_of(core).strings[s].part]
-    me = state_of(core).sounding[s]
-    me.push = force
-    me.knock_step = -round(delay_s * rate_hz)
-    me.knock_steps = max(2, round(part.knock_s * rate_hz))
+    knock = knock_of(core, s)
+    knock.push = force
+    knock.step = -round(delay_s * rate_hz)
+    knock.steps = max(2, round(part.knock_s * rate_hz))
+
+
+@njit(**CORE)
+def end_knock(core: int, s: int) -> None:
+    """A push that is not over ends."""
+    knock = knock_of(core, s)
+    knock.step = knock.steps = 0
 
 
 @njit(**CORE)
 def knock_on(core: int, i: int, frames: int) -> None:
     """Coupling.knock: what all hands do to the body of an instrument in its next frames."""
-    bank, state = bank_of(core), state_of(core)
+    bank = bank_of(core)
     instrument, coupling = bank.instruments[i], coupling_at(shared_of(core).coupling_at[i])
     coupling.knocked[0] = 0
     if bank.parts[bank.strings[instrument.first_string].part].knock == 0.0:
         return
     for s in range(instrument.first_string, instrument.end_string):
-        me = state.sounding[s]
-        if me.knock_steps == 0:
+        knock = knock_of(core, s)
+        if knock.steps == 0:
             continue
         if coupling.knocked[0] == 0:
             coupling.knocked[0] = 1
             coupling.knock[:frames] = 0.0
         _push(core, s, frames, coupling.knock)
-        me.knock_step += frames
-        if me.knock_step >= me.knock_steps:
-            me.knock_steps = 0
-            me.knock_step = 0
+        knock.step += frames
+        if knock.step >= knock.steps:
+            end_knock(core, s)
 
 
 @njit(**CORE)
 def _push(core: int, s: int, frames: int, into) -> None:
     """Add the next frames of one push."""
-    fixed, me = bank_of(core).strings[s], state_of(core).sounding[s]
+    fixed, stroke, knock = bank_of(core).strings[s], stroke_of(core, s), knock_of(core, s)
     part, settings = bank_of(core).parts[fixed.part], settings_of(core)
-    key = key_of(settings.seed, fixed.dice, me.strokes)
+    key = key_of(settings.seed, fixed.dice, stroke.strokes)
     per_frame = 1.0 / (part.knock_grain_s * settings.rate_hz)
-    turn = 2.0 * math.pi / me.knock_steps
+    turn = 2.0 * math.pi / knock.steps
     for t in range(frames):
-        now = me.knock_step + t
-        if 0 <= now < me.knock_steps:
+        now = knock.step + t
+        if 0 <= now < knock.steps:
             unsteady = part.knock_noise * ROUGH * uneven(key, _UNSTEADY, now * per_frame)
-            into[t] += 0.5 * me.push * (1.0 - math.cos(turn * now)) * (1.0 + unsteady)
+            into[t] += 0.5 * knock.push * (1.0 - math.cos(turn * now)) * (1.0 + unsteady)

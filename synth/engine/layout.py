@@ -1,4 +1,5 @@
-"""What the native core works on beside the strings themselves (`solver.stringmodel`): a constant Bank, a State that changes.
+"""What the native core works on beside the strings themselves (`solver.stringmodel`): a constant Bank, Sounding
+and State that change.
 
 Extents are named by what is counted; `bank` says how many there are.
 """
@@ -282,72 +283,122 @@ class Settings(NamedTuple):
 #: what a hand does to a string: nothing; is about to pluck it; stops it at a higher fret, draws it aside, lets it slip off,
 #: hits it; lies on it
 NO_FINGER, WAIT, PRESS, DRAW, SLIP, HIT, TOUCHED = range(7)
-#: SOUNDING.flying: at its internal rate; at the output rate; so, and its steps' coefficients wait until it lands
+#: MOTION.flying: at its internal rate; at the output rate; so, and its steps' coefficients wait until it lands
 LANDED, FLYING, STEPS_DUE = range(3)
 
-SOUNDING = np.dtype(
+#: who plays a string, and what its note asks for: the voice policy's
+VOICE = np.dtype(
     [
         ("awake", "i8"),
         ("idle", "i8"),  # awake only because it shares a bridge with what is played
-        ("model", "i8"),
-        ("altered", "i8"),  # hand or bend: coefficients of its own, not the model's
         ("note", "i8"),
         ("channel", "i8"),
         ("held", "i8"),  # by a key
         ("sustained", "i8"),
         ("stolen", "i8"),
-        ("flying", "i8"),  # at the output rate: LANDED, FLYING or STEPS_DUE
-        ("fade_at", "i8"),  # frames that have faded, of so many
-        ("fade_to", "i8"),
-        ("direct_from", "i8"),  # like row_from and row_to, of its row at the output rate
-        ("direct_to", "i8"),
-        ("row_from", "i8"),  # steps of the span that its row holds: of a string that woke or fell asleep not all
-        ("row_to", "i8"),
-        ("reached", "i8"),  # frames of a quantum with events that it has gone through
-        ("mode_steps", "i8"),  # work done
-        ("unsolved", "i8"),  # calls in which a contact problem was not solved
-        ("silenced", "i8"),  # times that its motion had blown up
-        ("stale", "i8"),  # 1: coefficients, 2: the finger's coupling to be worked out before the next step
         ("plucked_at", "i8"),
+        ("level", "f8"),
+        ("articulation", "i8"),  # number in the Bank
+        ("node", "f8"),  # where it is touched for a harmonic, from the saddle as a share of its length; 0: for none
+        ("timbre", "f8"),  # of its note: −1 plucked in the middle … 1 by the bridge
+        ("key_pressure", "f8"),  # of its key alone
+        ("retune_to", "f8"),  # where EXPRESSION.retuned and .pull go
+        ("pull_to", "f8"),
+    ],
+    align=True,
+)
+
+#: where hands have a string, and what they are at and about to do
+HAND = np.dtype(
+    [
         ("phase", "i8"),
+        ("model", "i8"),  # that it is stopped at
+        ("glide_to", "i8"),  # model that it slides to along the frets
+        ("wait", "i8"),  # frames until the stroke that is to come
+        ("pending_model", "i8"),
+        ("pending_velocity", "f8"),
+        ("pending_legato", "i8"),
+    ],
+    align=True,
+)
+
+#: what touches a string, and the way that it goes
+STROKE = np.dtype(
+    [
+        ("strokes", "i8"),  # that it has had: what varies from one to the next follows from it
         ("finger_step", "i8"),
         ("finger_steps", "i8"),
-        ("pending_model", "i8"),
+        ("finger_from", "f8"),
+        ("finger_to", "f8"),
+        ("slip_s", "f8"),  # of the stroke at hand
+        ("roughness", "f8"),
+        ("yielding", "f8"),  # stiffness of the string under the finger, in parts of the finger's own
+        ("thrown", "f8"),  # speed of what flies at it or lies on it [m/s]
+        ("touch", "i8"),  # number of what lies on it, where that is TOUCHED
+        ("target", "f8"),  # resistance of what touches it, which grows to it
+    ],
+    align=True,
+)
+
+#: the push on the body of the hand that plays a string
+KNOCK = np.dtype(
+    [
+        ("force", "f8"),  # largest, of the last stroke's push [N]
+        ("push", "f8"),  # the same of the push that began last, …
+        ("step", "i8"),  # … how many frames of it are over …
+        ("steps", "i8"),  # … of how many; 0: there is none
+    ],
+    align=True,
+)
+
+#: what a player does to a sounding string beside plucking it, and what its own motion adds
+EXPRESSION = np.dtype(
+    [
         ("hand", "f8"),  # extra σ of the damping hand
         ("bend", "f8"),  # semitones in the coefficients
         ("rise", "f8"),  # of these by its own motion, as a share of the model's tension
         ("height", "f8"),  # obstacle raised by [m]
-        ("retuned", "f8"),  # semitones of these by the tuning, smoothed, and where they go
-        ("retune_to", "f8"),
+        ("retuned", "f8"),  # semitones of these by the tuning, smoothed
         ("slide", "f8"),  # semitones that the finger on a board has still to go
+        ("pull", "f8"),  # semitones that legato has pulled it aside by
         ("pressure", "f8"),  # 0 … 1, smoothed
-        ("key_pressure", "f8"),  # of its key alone
-        ("timbre", "f8"),  # of its note: −1 plucked in the middle … 1 by the bridge
+    ],
+    align=True,
+)
+
+#: how a string is advanced
+MOTION = np.dtype(
+    [
+        ("altered", "i8"),  # hand or bend: coefficients of its own, not the model's
+        ("stale", "i8"),  # 1: coefficients, 2: the finger's coupling to be worked out before the next step
+        ("flying", "i8"),  # at the output rate: LANDED, FLYING or STEPS_DUE
+        ("fade_at", "i8"),  # frames that have faded, of so many
+        ("fade_to", "i8"),
         ("lift", "f8"),  # force on the string at rest: of the contacts, as one at the first would pull at the bridge [N]
         ("rest", "f8"),  # output at rest, line included
         ("base", "f8"),  # output counted as zero; follows `rest`
-        ("level", "f8"),
-        ("finger_from", "f8"),
-        ("finger_to", "f8"),
-        ("pending_velocity", "f8"),
-        ("pending_legato", "i8"),
-        ("articulation", "i8"),  # number in the Bank
-        ("strokes", "i8"),  # that it has had: what varies from one to the next follows from it
-        ("slip_s", "f8"),  # of the stroke at hand
-        ("roughness", "f8"),
-        ("yielding", "f8"),  # stiffness of the string under the finger, in parts of the finger's own
-        ("touch", "i8"),  # number of what lies on it, where that is TOUCHED
-        ("knock", "f8"),  # largest force of the last stroke's push on the body [N]
-        ("push", "f8"),  # the same of the push that began last, …
-        ("knock_step", "i8"),  # … how many frames of it are over …
-        ("knock_steps", "i8"),  # … of how many; 0: there is none
-        ("thrown", "f8"),  # speed of what flies at it or lies on it [m/s]
-        ("target", "f8"),  # resistance of what touches it, which grows to it
-        ("node", "f8"),  # where it is touched for a harmonic, from the saddle as a share of its length; 0: for none
-        ("wait", "i8"),  # frames until the stroke that is to come
-        ("glide_to", "i8"),  # model that it slides to along the frets
-        ("pull", "f8"),  # semitones that legato has pulled it aside by, and is to
-        ("pull_to", "f8"),
+    ],
+    align=True,
+)
+
+#: how far a string has come in the span
+PROGRESS = np.dtype(
+    [
+        ("reached", "i8"),  # frames of a quantum with events that it has gone through
+        ("row_from", "i8"),  # steps of the span that its row holds: of a string that woke or fell asleep not all
+        ("row_to", "i8"),
+        ("direct_from", "i8"),  # the same of its row at the output rate
+        ("direct_to", "i8"),
+    ],
+    align=True,
+)
+
+#: what is counted of a string
+TALLY = np.dtype(
+    [
+        ("mode_steps", "i8"),  # work done
+        ("unsolved", "i8"),  # calls in which a contact problem was not solved
+        ("silenced", "i8"),  # times that its motion had blown up
     ],
     align=True,
 )
@@ -415,10 +466,22 @@ PEAK, SPARE = range(2)
 N_METERS = 2
 
 
-class State(NamedTuple):
-    """Everything that changes while sounding."""
+class Sounding(NamedTuple):
+    """What changes of every string while it sounds, beside its modes and contacts."""
 
-    sounding: Annotated[np.ndarray, struct(SOUNDING, "strings")]
+    voices: Annotated[np.ndarray, struct(VOICE, "strings")]
+    hands: Annotated[np.ndarray, struct(HAND, "strings")]
+    strokes: Annotated[np.ndarray, struct(STROKE, "strings")]
+    knocks: Annotated[np.ndarray, struct(KNOCK, "strings")]
+    expressions: Annotated[np.ndarray, struct(EXPRESSION, "strings")]
+    motions: Annotated[np.ndarray, struct(MOTION, "strings")]
+    progress: Annotated[np.ndarray, struct(PROGRESS, "strings")]
+    tallies: Annotated[np.ndarray, struct(TALLY, "strings")]
+
+
+class State(NamedTuple):
+    """Everything else that changes while sounding."""
+
     channels: Annotated[np.ndarray, struct(CHANNEL, "16")]
     part_state: Annotated[np.ndarray, struct(PART_STATE, "parts")]
     parameters: Annotated[np.ndarray, f8("parts, N_PARAMETERS")]
@@ -475,7 +538,7 @@ NOBODY = -1
 
 #: addresses of what begins an excitation, of what its hand follows, of its constants (`instrument.excitations`)
 BEGIN_HOLD, FOLLOW, CONSTANTS = range(3)
-#: a model comes as compiled, with coefficients of the string's own (SOUNDING.altered), and over whole frames
+#: a model comes as compiled, with coefficients of the string's own (MOTION.altered), and over whole frames
 PLAIN, ALTERED, FLIGHT, ALTERED_FLIGHT = range(4)
 
 

@@ -1,7 +1,7 @@
 """The memory of a prepared engine: its arrays, and the tables by which compiled code finds them.
 
     inside = engine.memory
-    inside.built.bank.strings, inside.state.sounding, inside.core
+    inside.built.bank.strings, inside.sounding.voices, inside.core
 
 For what lays an engine out somewhere else (`plugin.bankfile`) or reads what it is made of. All of it is the engine's own, as
 it now is: `prepare`, `observe`, a longer queue of events (`reserve`) and `reset` with a seed put other arrays in its place.
@@ -16,7 +16,7 @@ import numpy as np
 from synth.engine.bank import Built, Strings
 from synth.engine.effect_chains import Chains
 from synth.engine.excite import Excitations
-from synth.engine.layout import Effects, Settings, Shared, State
+from synth.engine.layout import Effects, Settings, Shared, Sounding, State
 from synth.solver.stringmodel import Scratch
 
 
@@ -26,6 +26,7 @@ class EngineMemory:
 
     built          constants: Bank, models, flights
     state, shared  what changes while sounding; work arrays of all threads
+    sounding       what changes of the strings while they sound, beside their modes and contacts
     strings        what changes of the strings, with the tables of their models, states, ends and boards
     scratch        work arrays of the thread that calls `process`
     core, thread   tables that the native core is called with: `core.CORE_PARTS`, two Scratch
@@ -35,6 +36,7 @@ class EngineMemory:
 
     built: Built
     state: State
+    sounding: Sounding
     shared: Shared
     settings: Settings
     effects: Effects
@@ -50,4 +52,4 @@ class EngineMemory:
     @property
     def changing(self) -> dict[str, np.ndarray]:
         """All that changes while sounding, by name."""
-        return {**self.state._asdict(), **self.strings.arrays()}
+        return {**self.state._asdict(), **self.sounding._asdict(), **self.strings.arrays()}

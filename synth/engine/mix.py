@@ -13,7 +13,7 @@ from numba import njit
 from synth.dsp.decimator import decimate_line
 from synth.dsp.effect import STILL_BELOW
 from synth.engine.chain import chain_is_silent, reset_chain, run_chain
-from synth.engine.core import bank_of, settings_of, shared_of, state_of
+from synth.engine.core import bank_of, progress_of, settings_of, shared_of, state_of
 from synth.engine.layout import BLOWN_UP, CORE, GAIN, N_SILENCED, QUANTUM, RING
 from synth.native.simd import move_within
 from synth.solver.vectors import dot
@@ -59,17 +59,18 @@ def _finish(core: int, mix) -> None:
 @njit(**CORE)
 def _gather_rows(core: int) -> None:
     """Add what each string has in its row to its bus, in the order of the strings."""
-    bank, state, shared = bank_of(core), state_of(core), shared_of(core)
+    bank, shared = bank_of(core), shared_of(core)
     for s in range(bank.strings.size):
-        me = state.sounding[s]
+        progress = progress_of(core, s)
         fixed = bank.strings[s]
-        if me.row_to > me.row_from:
-            _add_sides(core, s, fixed.bus, me.row_from, shared.rows[fixed.row + me.row_from : fixed.row + me.row_to])
-        if me.direct_to > me.direct_from:
-            begin, end = fixed.direct + me.direct_from, fixed.direct + me.direct_to
-            _add_sides(core, s, fixed.direct_bus, me.direct_from, shared.direct[begin:end])
-        me.row_from = me.row_to = 0
-        me.direct_from = me.direct_to = 0
+        if progress.row_to > progress.row_from:
+            begin, end = fixed.row + progress.row_from, fixed.row + progress.row_to
+            _add_sides(core, s, fixed.bus, progress.row_from, shared.rows[begin:end])
+        if progress.direct_to > progress.direct_from:
+            begin, end = fixed.direct + progress.direct_from, fixed.direct + progress.direct_to
+            _add_sides(core, s, fixed.direct_bus, progress.direct_from, shared.direct[begin:end])
+        progress.row_from = progress.row_to = 0
+        progress.direct_from = progress.direct_to = 0
     for i in range(bank.instruments.size):
         instrument = bank.instruments[i]
         if instrument.body >= 0:

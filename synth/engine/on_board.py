@@ -12,7 +12,17 @@ import math
 import numpy as np
 from numba import njit
 
-from synth.engine.core import bank_of, model_of, scratch_of, shared_of, state_of, string_of
+from synth.engine.core import (
+    bank_of,
+    expression_of,
+    hand_of,
+    model_of,
+    motion_of,
+    scratch_of,
+    shared_of,
+    string_of,
+    voice_of,
+)
 from synth.engine.expression import MOST_BEND
 from synth.engine.hand_damping import damping, raise_modes
 from synth.engine.layout import CORE, NO_FINGER, PLAIN
@@ -63,15 +73,15 @@ def stop_on_board(core: int, thread: int, s: int) -> None:
     A bend moves the finger; what lies beyond the nut or the end of the board is done by the tension.
     """
     bank, scratch = bank_of(core), scratch_of(thread)
-    me = state_of(core).sounding[s]
-    address = shared_of(core).board_at[me.model]
-    board, plain, own = board_at(address), string_model(shared_of(core).model_at[me.model, PLAIN]), model_of(core, s)
-    model = bank.models[me.model]
+    hand, expression, motion = hand_of(core, s), expression_of(core, s), motion_of(core, s)
+    address = shared_of(core).board_at[hand.model]
+    board, plain, own = board_at(address), string_model(shared_of(core).model_at[hand.model, PLAIN]), model_of(core, s)
+    model = bank.models[hand.model]
     n, dt = plain.modes, plain.dt
     ideal = math.pi / model.length * math.sqrt(model.tension / model.mu)
-    wanted = 2.0 ** (me.bend / 12.0)
+    wanted = 2.0 ** (expression.bend / 12.0)
     ratio, added = 1.0, 0.0
-    if me.bend != 0.0:
+    if expression.bend != 0.0:
         first = plain.omega[0]
         ratio = wanted
         for _ in range(_ROUNDS):
@@ -82,20 +92,20 @@ def stop_on_board(core: int, thread: int, s: int) -> None:
             added = (wanted * first) ** 2 - _shortened(board.linear, first, ideal, ratio) ** 2
     speaking = model.length / ratio
     board.numbers[SPEAKING] = speaking
-    _lay(address, speaking, me.height)
+    _lay(address, speaking, expression.height)
     for k in range(2):
         for j in range(n):
             board.weights[k, j] = plain.weights[k, j]
-    if me.bend != 0.0:
+    if expression.bend != 0.0:
         _listen(address, speaking, n)
     for j in range(n):
         scratch.sigma[j] = plain.sigma[j]
-    if me.altered == 0:
+    if motion.altered == 0:
         fill_slack(address, plain.omega[:n], scratch.sigma[:n], plain.mu, dt)
         return
     omega = own.omega
     omega[n:] = 1.0  # divided by
-    if me.bend != 0.0:
+    if expression.bend != 0.0:
         _shorten(board.linear, plain.omega[:n], ideal, ratio, omega)
         if added != 0.0:
             raise_modes(omega[:n], added, omega)
@@ -104,7 +114,7 @@ def stop_on_board(core: int, thread: int, s: int) -> None:
             omega[j] = plain.omega[j]
     for j in range(n):
         w = omega[j]
-        scratch.sigma[j] = damping(plain.sigma[j], me.hand, w * dt if w > plain.omega[j] else 0.0)
+        scratch.sigma[j] = damping(plain.sigma[j], expression.hand, w * dt if w > plain.omega[j] else 0.0)
     rows = own.rows
     rows[:6, n:] = 0.0
     quick_coefficients(EXACT_HOLD, omega[:n], scratch.sigma[:n], plain.mu, dt, rows)
@@ -160,10 +170,10 @@ def leave(core: int, model: int) -> None:
 @njit(**CORE)
 def may_slide(core: int, s: int, target: int) -> bool:
     """Whether the finger that stops a sounding string slides to another note: on a board, from and to stopped ones."""
-    me, bank, shared = state_of(core).sounding[s], bank_of(core), shared_of(core)
-    if shared.board_at[target] == 0 or me.phase != NO_FINGER:
+    hand, bank, shared = hand_of(core, s), bank_of(core), shared_of(core)
+    if shared.board_at[target] == 0 or hand.phase != NO_FINGER:
         return False
-    stopped = bank.models[me.model].rest_height < 0.0 and bank.models[target].rest_height < 0.0
+    stopped = bank.models[hand.model].rest_height < 0.0 and bank.models[target].rest_height < 0.0
     return stopped and board_at(shared.board_at[target]).slide_s > 0.0
 
 
@@ -174,18 +184,18 @@ def slide(core: int, s: int, target: int) -> None:
     On a coarser grid the modes beyond it are lost, and so is what the nodes hold where the grid is another.
     """
     shared, string = shared_of(core), string_of(core, s)
-    me = state_of(core).sounding[s]
-    old = string_model(shared.model_at[me.model, PLAIN])
+    voice, hand, expression, motion = voice_of(core, s), hand_of(core, s), expression_of(core, s), motion_of(core, s)
+    old = string_model(shared.model_at[hand.model, PLAIN])
     new = string_model(shared.model_at[target, PLAIN])
     back = 12.0 * math.log2(old.omega[0] / new.omega[0])
-    me.slide += back + me.pull
-    me.pull = me.pull_to = 0.0
-    me.bend = max(-MOST_BEND, min(MOST_BEND, me.bend + back))  # from now on, not from the next quantum on
+    expression.slide += back + expression.pull
+    expression.pull = voice.pull_to = 0.0
+    expression.bend = max(-MOST_BEND, min(MOST_BEND, expression.bend + back))  # from now on, not from the next quantum on
     for j in range(new.modes, string.q.size):
         string.q[j] = 0.0
         string.v[j] = 0.0
-    if shared.board_at[target] != shared.board_at[me.model]:
+    if shared.board_at[target] != shared.board_at[hand.model]:
         leave(core, target)
-    me.model = target
+    hand.model = target
     string.counts[MOVING] = new.modes
-    me.stale = 1
+    motion.stale = 1

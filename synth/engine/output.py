@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from synth.engine.core import bank_of, scratch_of, settings_of, state_of
+from synth.engine.core import bank_of, hand_of, motion_of, scratch_of, settings_of
 from synth.engine.layout import CORE
 
 #: nearest that a string comes to a magnet, in parts of its distance at rest, as a pickup hears it
@@ -22,19 +22,19 @@ def collect(core: int, thread: int, s: int, steps: int, factor: int, base: float
     """
     bank, settings = bank_of(core), settings_of(core)
     out = scratch_of(thread).out
-    me = state_of(core).sounding[s]
+    hand, motion = hand_of(core, s), motion_of(core, s)
     part = bank.parts[bank.strings[s].part]
     if part.use_v and not part.use_q:
         for t in range(steps):
             row[t] = out[t]
         return base
-    line = bank.models[me.model].line_output
+    line = bank.models[hand.model].line_output
     follow = 1.0 / (BASE_S * settings.rate_hz * factor)
-    if base + follow * (me.rest - base) == base:
+    if base + follow * (motion.rest - base) == base:
         follow = 0.0
     if part.use_v:  # pickup: flux ∝ 1/(1 + u/d)², voltage ∝ v/(1 + u/d)³
         for t in range(steps):
-            base += follow * (me.rest - base)
+            base += follow * (motion.rest - base)
             near = max(NEAREST, 1.0 + (out[t] + (line - base)) / part.pickup_distance)
             row[t] = out[steps + t] / (near * near * near)
         return base
@@ -43,7 +43,7 @@ def collect(core: int, thread: int, s: int, steps: int, factor: int, base: float
             row[t] = out[t] + line - base
     else:
         for t in range(steps):
-            base += follow * (me.rest - base)
+            base += follow * (motion.rest - base)
             row[t] = out[t] + line - base
     bend = bank.strings[s].flux_bend
     if bend != 0.0:

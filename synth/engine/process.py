@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from numba import float64, from_dtype, int64, njit
 
-from synth.engine.core import bank_of, settings_of, shared_of, state_of
+from synth.engine.core import bank_of, progress_of, settings_of, shared_of, state_of, voice_of
 from synth.engine.expression import approach, control_share
 from synth.engine.instruments import cost, is_awake
 from synth.engine.layout import (
@@ -155,9 +155,9 @@ def quantum_with_events(core: int, thread: int, start: int) -> None:
     shared.task[TASK] = BEGIN
     _run_instruments(core, thread, 1)
     awake = 0
-    for s in range(state.sounding.size):
-        awake += state.sounding[s].awake - state.sounding[s].idle
-        state.sounding[s].reached = 0
+    for s in range(bank_of(core).strings.size):
+        awake += voice_of(core, s).awake - voice_of(core, s).idle
+        progress_of(core, s).reached = 0
     state.counters[AWAKE] = awake
     shared.task[TASK], shared.task[UNTIL] = STRETCH, 0
     taken = 0

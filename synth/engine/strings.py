@@ -8,13 +8,26 @@ import numpy as np
 from numba import njit
 
 from synth.engine.coefficients import rest_state, set_rest
-from synth.engine.core import bank_of, scratch_of, settings_of, shared_of, state_of, string_of
+from synth.engine.core import (
+    bank_of,
+    expression_of,
+    hand_of,
+    motion_of,
+    progress_of,
+    scratch_of,
+    settings_of,
+    shared_of,
+    state_of,
+    string_of,
+    stroke_of,
+    voice_of,
+)
 from synth.engine.ends import add_end_speed, bridge_under, momentum_of, on_bridge
 from synth.engine.expression import bend_of, height_of, settle
 from synth.engine.free_flight import touch_down
 from synth.engine.hold import LOUD, begin_phase, last
 from synth.engine.hold import take_hold as take_hold
-from synth.engine.knocks import knock_again
+from synth.engine.knocks import end_knock, knock_again
 from synth.engine.layout import (
     BEGIN_HOLD,
     CORE,
@@ -49,74 +62,74 @@ MOST_WAIT_S = 5.0
 def wake(core: int, thread: int, s: int, model_index: int) -> None:
     """A silent string begins at rest on the given model, over the obstacle as high as it now is."""
     bank, state, scratch, string = bank_of(core), state_of(core), scratch_of(thread), string_of(core, s)
-    me = state.sounding[s]
+    voice, hand, expression, motion = voice_of(core, s), hand_of(core, s), expression_of(core, s), motion_of(core, s)
     fixed = bank.strings[s]
     n = bank.models[model_index].n
-    me.awake = 1
-    me.model = model_index
-    me.slide = 0.0
+    voice.awake = 1
+    hand.model = model_index
+    expression.slide = 0.0
     leave(core, model_index)
     _forget_forces(core, s)
     string.counts[MOVING] = n
-    me.hand = 0.0
-    me.stolen = 0
-    me.flying = 0
-    me.fade_at = me.fade_to = 0
-    me.phase = NO_FINGER
-    me.glide_to = -1
-    me.pull = me.pull_to = 0.0
+    expression.hand = 0.0
+    voice.stolen = 0
+    motion.flying = 0
+    motion.fade_at = motion.fade_to = 0
+    hand.phase = NO_FINGER
+    hand.glide_to = -1
+    expression.pull = voice.pull_to = 0.0
     settle(core, s)
-    master = state.channels[me.channel].master
-    me.rise = 0.0
-    me.bend = bend_of(core, s, int(np.int64(0)), state.channels[me.channel].bend, state.channels[master].bend)
-    me.height = height_of(core, s, state.part_state[fixed.part].height)
-    set_rest(core, thread, me)
-    me.base = me.rest
-    rest_state(core, thread, me, scratch.q)
+    master = state.channels[voice.channel].master
+    expression.rise = 0.0
+    expression.bend = bend_of(core, s, int(np.int64(0)), state.channels[voice.channel].bend, state.channels[master].bend)
+    expression.height = height_of(core, s, state.part_state[fixed.part].height)
+    set_rest(core, thread, s)
+    motion.base = motion.rest
+    rest_state(core, thread, s, scratch.q)
     if on_bridge(core, s):
         look_everywhere(shared_of(core).end_at[s])
         end_at(shared_of(core).end_at[s]).counts[RESTING] = 1
     for j in range(string.q.size):
         string.q[j] = scratch.q[j] if j < n else 0.0
         string.v[j] = 0.0
-    me.stale = 1
+    motion.stale = 1
 
 
 @njit(**CORE)
 def _wake(core: int, thread: int, s: int, model_index: int) -> None:
     """A silent string that shares no bridge begins on the given model, in all of its directions."""
-    state, fixed = state_of(core), bank_of(core).strings[s]
+    fixed = bank_of(core).strings[s]
     wake(core, thread, s, model_index)
     if fixed.second >= 0:
-        across = state.sounding[fixed.second]
-        across.channel = state.sounding[s].channel
+        across = voice_of(core, fixed.second)
+        across.channel = voice_of(core, s).channel
         wake(core, thread, fixed.second, model_index + fixed.second_models)
-        across.bend = state.sounding[s].bend
+        expression_of(core, fixed.second).bend = expression_of(core, s).bend
         across.idle = 1
-        across.reached = state.sounding[s].reached
+        progress_of(core, fixed.second).reached = progress_of(core, s).reached
 
 
 @njit(**CORE)
 def _land(core: int, thread: int, s: int) -> None:
     """A string that a hand is about to touch flies no more, in any of its directions."""
-    state, second = state_of(core), bank_of(core).strings[s].second
+    second = bank_of(core).strings[s].second
     for direction in range(2):
         line = s if direction == 0 else second
-        if line >= 0 and state.sounding[line].flying:
+        if line >= 0 and motion_of(core, line).flying:
             touch_down(core, thread, line)
 
 
 @njit(**CORE)
 def _join(core: int, thread: int, s: int, model_index: int) -> None:
     """A string that nobody plays begins on the given model; those that share its bridge wake with it, open."""
-    bank, state, shared = bank_of(core), state_of(core), shared_of(core)
-    me = state.sounding[s]
-    if me.awake == 0:
+    bank, shared = bank_of(core), shared_of(core)
+    voice, hand = voice_of(core, s), hand_of(core, s)
+    if voice.awake == 0:
         instrument = bank.instruments[bank.strings[s].instrument]
         for other in range(instrument.first_string, instrument.end_string):
-            idle = state.sounding[other]
+            idle = voice_of(core, other)
             if other != s:
-                idle.channel = me.channel
+                idle.channel = voice.channel
             model = bank.strings[other].open_model
             if other == s:
                 model = model_index
@@ -125,20 +138,20 @@ def _join(core: int, thread: int, s: int, model_index: int) -> None:
             idle.idle = 0 if other == s else 1  # by which it is bent
             wake(core, thread, other, model)
             if bank.strings[other].of_first:
-                idle.bend = state.sounding[other - 1].bend
-            idle.reached = shared.task[UNTIL]
-    me.idle = 0
-    me.stolen = 0
+                expression_of(core, other).bend = expression_of(core, other - 1).bend
+            progress_of(core, other).reached = shared.task[UNTIL]
+    voice.idle = 0
+    voice.stolen = 0
     _lift_hand(core, s)
     settle(core, s)
-    if me.model != model_index:
+    if hand.model != model_index:
         change_model(core, thread, s, model_index)
 
 
 @njit(**CORE)
 def _forget_forces(core: int, s: int) -> None:
     """A law of its own is not told the forces of another model's contacts; the kernels' laws only begin to look there."""
-    model = string_model(shared_of(core).model_at[state_of(core).sounding[s].model, PLAIN])
+    model = string_model(shared_of(core).model_at[hand_of(core, s).model, PLAIN])
     if model.step != 0 or model.layers.shape[1] != 0:
         string_of(core, s).force[:] = 0.0
 
@@ -146,14 +159,14 @@ def _forget_forces(core: int, s: int) -> None:
 @njit(**CORE)
 def sleep(core: int, s: int) -> None:
     """The string is silent: it costs nothing until it is touched."""
-    me, string = state_of(core).sounding[s], string_of(core, s)
-    me.awake = 0
-    me.idle = 0
-    me.pull = me.pull_to = 0.0
-    me.level = 0.0
-    me.stolen = 0
-    me.knock_step = me.knock_steps = 0
-    me.phase = NO_FINGER
+    voice, string = voice_of(core, s), string_of(core, s)
+    voice.awake = 0
+    voice.idle = 0
+    expression_of(core, s).pull = voice.pull_to = 0.0
+    voice.level = 0.0
+    voice.stolen = 0
+    end_knock(core, s)
+    hand_of(core, s).phase = NO_FINGER
     string.q[:] = 0.0
     string.v[:] = 0.0
 
@@ -174,19 +187,19 @@ def excite(core: int, thread: int, s: int, velocity: float, sounding: bool) -> N
 @njit(**CORE)
 def press(core: int, s: int, target: int, velocity: float) -> None:
     """The left hand brings a sounding string down to a higher fret; the change of model and the pluck come after."""
-    bank, state = bank_of(core), state_of(core)
-    me = state.sounding[s]
-    old, new = bank.models[me.model], bank.models[target]
-    me.pending_model = target
-    me.pending_velocity = velocity
+    bank = bank_of(core)
+    hand, stroke = hand_of(core, s), stroke_of(core, s)
+    old, new = bank.models[hand.model], bank.models[target]
+    hand.pending_model = target
+    hand.pending_velocity = velocity
     fixed = bank.strings[s]
     part = bank.parts[fixed.part]
     stiffness = part.finger_stiffness * 20.0  # the fret is behind this finger
     take_hold(core, s, new.length, 0.004, stiffness, part.finger_loss * fixed.impedance, PRESS_S)
-    me.finger_to = new.rest_height - old.rest_height * new.length / old.length
+    stroke.finger_to = new.rest_height - old.rest_height * new.length / old.length
     begin_phase(core, s, PRESS)
     if fixed.second >= 0:
-        state.sounding[fixed.second].pending_model = target + fixed.second_models
+        hand_of(core, fixed.second).pending_model = target + fixed.second_models
 
 
 @njit(**CORE)
@@ -208,11 +221,11 @@ def _change_model(core: int, thread: int, s: int, target: int) -> None:
     but for the work of a hand that lets a stopped string go, which is the string's own. Lumped modes begin at rest.
     """
     bank, scratch, string = bank_of(core), scratch_of(thread), string_of(core, s)
-    me = state_of(core).sounding[s]
+    voice, hand, expression, motion = voice_of(core, s), hand_of(core, s), expression_of(core, s), motion_of(core, s)
     end_speed = bridge_under(core, s)[1] if on_bridge(core, s) else 0.0
     if end_speed != 0.0:  # what is carried over is the whole velocity
         add_end_speed(core, s, end_speed)
-    old, new = bank.models[me.model], bank.models[target]
+    old, new = bank.models[hand.model], bank.models[target]
     n_old, n_new = old.own, new.own
     l_old, l_new = old.length, new.length
     while n_old > 0 and string.q[n_old - 1] == 0.0 and string.v[n_old - 1] == 0.0:  # at rest: nothing of it is carried over
@@ -240,7 +253,7 @@ def _change_model(core: int, thread: int, s: int, target: int) -> None:
         if new.rest_height != 0.0:
             # from here on the string is at the fret; where a hand has not brought it there, nobody hears that it jumps
             there = old.rest_height * l_new / l_old + at_fret
-            me.base += new.line_output * (1.0 - there / new.rest_height)
+            motion.base += new.line_output * (1.0 - there / new.rest_height)
     else:
         # the string was stopped at height `lift` above the new rest line
         lift = old.rest_height - new.rest_height * l_old / l_new
@@ -259,9 +272,9 @@ def _change_model(core: int, thread: int, s: int, target: int) -> None:
     for j in range(string.q.size):
         string.q[j] = scratch.q[j] if j < n_new else 0.0
         string.v[j] = scratch.v[j] if j < n_new else 0.0
-    me.model = target
-    me.bend -= me.slide + me.pull
-    me.slide = me.pull = me.pull_to = 0.0
+    hand.model = target
+    expression.bend -= expression.slide + expression.pull
+    expression.slide = expression.pull = voice.pull_to = 0.0
     leave(core, target)
     if end_speed != 0.0:
         add_end_speed(core, s, -end_speed)
@@ -270,18 +283,18 @@ def _change_model(core: int, thread: int, s: int, target: int) -> None:
         look_everywhere(shared_of(core).end_at[s])
         end_at(shared_of(core).end_at[s]).counts[RESTING] = 0
     string.counts[MOVING] = new.n
-    me.phase = NO_FINGER
-    me.stale = 1
+    hand.phase = NO_FINGER
+    motion.stale = 1
 
 
 @njit(**CORE)
 def pluck(core: int, thread: int, s: int, target: int, velocity: float, legato: bool) -> None:
     """A note begins on string s at a model (position): wake or re-pluck, change fret where needed."""
-    bank, state = bank_of(core), state_of(core)
-    me = state.sounding[s]
+    bank = bank_of(core)
+    voice, hand = voice_of(core, s), hand_of(core, s)
     lift_touch(core, s)
-    me.glide_to = -1
-    sounding = me.awake != 0 and me.idle == 0
+    hand.glide_to = -1
+    sounding = voice.awake != 0 and voice.idle == 0
     if sounding:
         _land(core, thread, s)
     elif on_bridge(core, s):
@@ -290,23 +303,23 @@ def pluck(core: int, thread: int, s: int, target: int, velocity: float, legato: 
         _wake(core, thread, s, target)
     if bank.parts[bank.strings[s].part].others_s > 0.0 and on_bridge(core, s):
         _uncover_others(core, s)
-    if me.wait > 0:
+    if hand.wait > 0:
         _wait(core, s, target, velocity, legato)
         return
     if sounding:
         _lift_hand(core, s)
-    if sounding and legato and me.model == target:  # the finger was about to leave it
+    if sounding and legato and hand.model == target:  # the finger was about to leave it
         begin_phase(core, s, NO_FINGER)
         _touch_again(core, s)
         return
-    if me.model != target:
+    if hand.model != target:
         if legato and may_slide(core, s, target):
             slide(core, s, target)
             _touch_again(core, s)
             return
         if legato and sets_out(core, s, target):
             return
-        if bank.models[target].length < bank.models[me.model].length:
+        if bank.models[target].length < bank.models[hand.model].length:
             press(core, s, target, 0.0 if legato else velocity)
             return
         change_model(core, thread, s, target)
@@ -319,37 +332,37 @@ def pluck(core: int, thread: int, s: int, target: int, velocity: float, legato: 
 @njit(**CORE)
 def _touch_again(core: int, s: int) -> None:
     """What lies on a string until its next stroke lies there when the left hand has stopped it elsewhere, too."""
-    bank, me = bank_of(core), state_of(core).sounding[s]
-    way = bank.articulations[me.articulation]
+    bank, voice = bank_of(core), voice_of(core, s)
+    way = bank.articulations[voice.articulation]
     if way.touch >= 0 and not way.harmonic and bank.touches[way.touch].lift_s == 0.0 and not _has_excitation(core, s):
         lay_on(core, s, way.touch, 0.0)
 
 
 @njit(**CORE)
 def _wait(core: int, s: int, target: int, velocity: float, legato: bool) -> None:
-    """The stroke comes later, by SOUNDING.wait frames; until then the string goes on as it is."""
-    bank, me = bank_of(core), state_of(core).sounding[s]
-    me.pending_model = target
-    me.pending_velocity = velocity
-    me.pending_legato = 1 if legato else 0
-    if (me.phase == DRAW or me.phase == HIT) and me.finger_step == 0:
-        me.strokes -= 1  # it had begun at this very frame, and begins again
-    last(core, s, min(MOST_WAIT_S, me.wait / settings_of(core).rate_hz))
-    me.wait = 0
-    me.level = LOUD
+    """The stroke comes later, by HAND.wait frames; until then the string goes on as it is."""
+    bank, voice, hand, stroke = bank_of(core), voice_of(core, s), hand_of(core, s), stroke_of(core, s)
+    hand.pending_model = target
+    hand.pending_velocity = velocity
+    hand.pending_legato = 1 if legato else 0
+    if (hand.phase == DRAW or hand.phase == HIT) and stroke.finger_step == 0:
+        stroke.strokes -= 1  # it had begun at this very frame, and begins again
+    last(core, s, min(MOST_WAIT_S, hand.wait / settings_of(core).rate_hz))
+    hand.wait = 0
+    voice.level = LOUD
     begin_phase(core, s, WAIT)
     if bank.strings[s].second >= 0:
-        state_of(core).sounding[bank.strings[s].second].pending_model = target + bank.strings[s].second_models
+        hand_of(core, bank.strings[s].second).pending_model = target + bank.strings[s].second_models
 
 
 @njit(**CORE)
 def _glide(core: int, thread: int, s: int) -> None:
     """The finger leaves a fret on its way for the next one."""
-    bank, me = bank_of(core), state_of(core).sounding[s]
-    if bank.models[me.pending_model].length < bank.models[me.model].length:
-        press(core, s, me.pending_model, 0.0)
+    bank, hand = bank_of(core), hand_of(core, s)
+    if bank.models[hand.pending_model].length < bank.models[hand.model].length:
+        press(core, s, hand.pending_model, 0.0)
         return
-    change_model(core, thread, s, me.pending_model)
+    change_model(core, thread, s, hand.pending_model)
     if not is_on_the_way(core, s):
         _touch_again(core, s)
         let_go(core, thread, s)
@@ -369,39 +382,39 @@ def _lift_hand(core: int, s: int) -> None:
 @njit(**CORE)
 def _lay_hand(core: int, s: int, hand: float) -> None:
     """Extra σ of a string that sounds, in all of its directions."""
-    state, second = state_of(core), bank_of(core).strings[s].second
+    second = bank_of(core).strings[s].second
     for direction in range(2):
         line = s if direction == 0 else second
         if line >= 0:
-            me = state.sounding[line]
-            if me.awake and hand != me.hand:
+            voice, expression, motion = voice_of(core, line), expression_of(core, line), motion_of(core, line)
+            if voice.awake and hand != expression.hand:
                 if on_bridge(core, line):  # which does not feel a hand at once: it is soft
-                    me.base += 2.0 * (hand - me.hand) * momentum_of(core, line)
-                me.hand = hand
-                me.stale = 1
+                    motion.base += 2.0 * (hand - expression.hand) * momentum_of(core, line)
+                expression.hand = hand
+                motion.stale = 1
 
 
 @njit(**CORE)
 def _cover_others(core: int, s: int, seconds: float) -> None:
     """A hand lies down on all strings of an instrument that nobody plays, where no key holds another one."""
-    bank, state = bank_of(core), state_of(core)
+    bank = bank_of(core)
     instrument = bank.instruments[bank.strings[s].instrument]
     for other in range(instrument.first_string, instrument.end_string):
-        me = state.sounding[other]
-        if other != s and (me.held or me.sustained or NO_FINGER < me.phase < TOUCHED):
+        voice, hand = voice_of(core, other), hand_of(core, other)
+        if other != s and (voice.held or voice.sustained or NO_FINGER < hand.phase < TOUCHED):
             return
     for other in range(instrument.first_string, instrument.end_string):
-        if state.sounding[other].idle and not bank.strings[other].of_first:
+        if voice_of(core, other).idle and not bank.strings[other].of_first:
             damp(core, other, seconds)
 
 
 @njit(**CORE)
 def _uncover_others(core: int, s: int) -> None:
     """The hand leaves the strings that nobody plays as the next stroke comes."""
-    bank, state = bank_of(core), state_of(core)
+    bank = bank_of(core)
     instrument = bank.instruments[bank.strings[s].instrument]
     for other in range(instrument.first_string, instrument.end_string):
-        if state.sounding[other].idle and not bank.strings[other].of_first:
+        if voice_of(core, other).idle and not bank.strings[other].of_first:
             _lift_hand(core, other)
 
 
@@ -409,16 +422,16 @@ def _uncover_others(core: int, s: int) -> None:
 def let_go(core: int, thread: int, s: int) -> None:
     """Note-off has reached the string: the hand damps it unless a finger is still at work or the preset rings on."""
     bank, state = bank_of(core), state_of(core)
-    me, number = state.sounding[s], bank.strings[s].part
+    voice, hand, number = voice_of(core, s), hand_of(core, s), bank.strings[s].part
     part = bank.parts[number]
-    if me.held or me.sustained or NO_FINGER < me.phase < TOUCHED or part.ring_on:
+    if voice.held or voice.sustained or NO_FINGER < hand.phase < TOUCHED or part.ring_on:
         return
     damp(core, s, bank.strings[s].release_s * state.parameters[number, RELEASE])
     if part.others_s > 0.0 and on_bridge(core, s):
         _cover_others(core, s, part.others_s * state.parameters[number, RELEASE])
-    if part.knock > 0.0 and part.knock_release > 0.0 and me.awake and not me.idle:
+    if part.knock > 0.0 and part.knock_release > 0.0 and voice.awake and not voice.idle:
         knock_again(core, s, part.knock_release)
-    if not me.awake or me.idle or (part.release_touch < 0 and not part.lifts):
+    if not voice.awake or voice.idle or (part.release_touch < 0 and not part.lifts):
         return
     _land(core, thread, s)
     stopped_at = _leave_fret(core, thread, s) if part.lifts else 0.0
@@ -430,11 +443,11 @@ def let_go(core: int, thread: int, s: int) -> None:
 def _leave_fret(core: int, thread: int, s: int) -> float:
     """The finger that stopped a string at a fret lets it rise, and it is the open one; where the fret is, as a share of its
     length from the saddle. 0: it was open, or lies over a board."""
-    bank, me, opened = bank_of(core), state_of(core).sounding[s], bank_of(core).strings[s].open_model
-    if me.model == opened or shared_of(core).board_at[me.model] != 0:
+    bank, hand, opened = bank_of(core), hand_of(core, s), bank_of(core).strings[s].open_model
+    if hand.model == opened or shared_of(core).board_at[hand.model] != 0:
         return 0.0
-    share = bank.models[me.model].length / bank.models[opened].length
-    lies_on = me.phase == TOUCHED
+    share = bank.models[hand.model].length / bank.models[opened].length
+    lies_on = hand.phase == TOUCHED
     change_model(core, thread, s, opened)
     if lies_on:
         _touch_again(core, s)
@@ -445,22 +458,22 @@ def _leave_fret(core: int, thread: int, s: int) -> float:
 def finger_done(core: int, thread: int, s: int) -> None:
     """The hand has done what it was at: the string slides off the finger, is let go or touched, or stopped at its new fret
     and plucked."""
-    me = state_of(core).sounding[s]
-    phase = me.phase
+    voice, hand = voice_of(core, s), hand_of(core, s)
+    phase = hand.phase
     if phase == WAIT:
         begin_phase(core, s, NO_FINGER)
-        if me.glide_to >= 0:
+        if hand.glide_to >= 0:
             _glide(core, thread, s)
             return
-        pluck(core, thread, s, me.pending_model, me.pending_velocity, me.pending_legato != 0)
+        pluck(core, thread, s, hand.pending_model, hand.pending_velocity, hand.pending_legato != 0)
         return
     if phase == DRAW and slips(core, s):
         return
     begin_phase(core, s, NO_FINGER)
     if phase == PRESS:
-        change_model(core, thread, s, me.pending_model)
-        if me.pending_velocity > 0.0:
-            excite(core, thread, s, me.pending_velocity, True)
+        change_model(core, thread, s, hand.pending_model)
+        if hand.pending_velocity > 0.0:
+            excite(core, thread, s, hand.pending_velocity, True)
             return
         if is_on_the_way(core, s):
             return
@@ -469,11 +482,11 @@ def finger_done(core: int, thread: int, s: int) -> None:
         return
     else:
         _lift_hand(core, s)
-        way = bank_of(core).articulations[me.articulation]
-        too_low = way.harmonic and me.node <= 0.0  # for a harmonic: a note like others
+        way = bank_of(core).articulations[voice.articulation]
+        too_low = way.harmonic and voice.node <= 0.0  # for a harmonic: a note like others
         if way.touch >= 0 and not too_low and not _has_excitation(core, s):
-            lay_on(core, s, way.touch, me.node)
-            if me.held or me.sustained:
+            lay_on(core, s, way.touch, voice.node)
+            if voice.held or voice.sustained:
                 return
     let_go(core, thread, s)
 

@@ -14,9 +14,19 @@ import math
 from numba import njit
 
 from synth.engine.chance import ROUGH, key_of, spread, uneven
-from synth.engine.core import bank_of, model_of, scratch_of, settings_of, state_of, string_of
+from synth.engine.core import (
+    bank_of,
+    hand_of,
+    model_of,
+    scratch_of,
+    settings_of,
+    state_of,
+    string_of,
+    stroke_of,
+    voice_of,
+)
 from synth.engine.expression import pluck_place
-from synth.engine.hold import begin_phase, last, take_hold
+from synth.engine.hold import begin_phase, grip_anew, last, take_hold
 from synth.engine.knocks import begin_knock
 from synth.engine.layout import (
     CORE,
@@ -55,14 +65,14 @@ _between, _draws_at, _met = njit(**CORE)(between), njit(**CORE)(draws_at), njit(
 def begin_stroke(core: int, s: int, velocity: float) -> None:
     """The stroke of the string's articulation begins."""
     bank, state = bank_of(core), state_of(core)
-    me, fixed = state.sounding[s], bank.strings[s]
-    part, way, model = bank.parts[fixed.part], bank.articulations[me.articulation], bank.models[me.model]
+    voice, hand, stroke, fixed = voice_of(core, s), hand_of(core, s), stroke_of(core, s), bank.strings[s]
+    part, way, model = bank.parts[fixed.part], bank.articulations[voice.articulation], bank.models[hand.model]
     parameters = state.parameters[fixed.part]
     strength = velocity / 127.0
-    me.strokes += 1
-    key, varied = key_of(settings_of(core).seed, fixed.dice, me.strokes), parameters[VARIATION]
+    stroke.strokes += 1
+    key, varied = key_of(settings_of(core).seed, fixed.dice, stroke.strokes), parameters[VARIATION]
     place = way.place_ratio * max(NEAREST, parameters[PLUCK_POSITION] + fixed.pluck_shift)
-    position = pluck_place(place, me.timbre) + strength * way.place_shift
+    position = pluck_place(place, voice.timbre) + strength * way.place_shift
     if part.place_spread > 0.0:
         position += varied * part.place_spread * spread(key, _PLACE) / fixed.open_length
     level, knock, wider, draw_s = way.amount, way.knock, 1.0, fixed.draw_s
@@ -90,22 +100,22 @@ def begin_stroke(core: int, s: int, velocity: float) -> None:
         begin_knock(core, s, _pluck_force(part.knock * knock, strength, part.velocity_exponent), part.knock_delay_s)
     if way.stroke == THROWN:
         take_hold(core, s, distance, width, way.stiffness, resistance, MOST_HIT_S)
-        me.finger_to = 0.0
-        me.thrown = -level * way.speed * strength**part.velocity_exponent
+        stroke.finger_to = 0.0
+        stroke.thrown = -level * way.speed * strength**part.velocity_exponent
         begin_phase(core, s, HIT)
         return
-    me.slip_s = min(slip_s, LONGEST_SLIP_S)
-    me.roughness = way.roughness
-    me.yielding = _draws_at(distance, model.length, model.tension) / part.finger_stiffness
+    stroke.slip_s = min(slip_s, LONGEST_SLIP_S)
+    stroke.roughness = way.roughness
+    stroke.yielding = _draws_at(distance, model.length, model.tension) / part.finger_stiffness
     take_hold(core, s, distance, width, part.finger_stiffness, resistance, min(draw_s, LONGEST_DRAW_S))
     force = _pluck_force(fixed.pluck_force * parameters[PLUCK_AMOUNT] * level, strength, part.velocity_exponent)
     drawn = _drawn_by(force, distance, model.length, model.tension)
-    me.finger_to = drawn
+    stroke.finger_to = drawn
     begin_phase(core, s, DRAW)
     if fixed.second >= 0:
-        me.finger_to = part.pluck_first * drawn
-        state.sounding[fixed.second].finger_to = part.pluck_second * drawn
-        state.sounding[fixed.second].yielding = me.yielding
+        stroke.finger_to = part.pluck_first * drawn
+        stroke_of(core, fixed.second).finger_to = part.pluck_second * drawn
+        stroke_of(core, fixed.second).yielding = stroke.yielding
 
 
 #: longest that drawing and letting go take, with what varies [s]
@@ -124,21 +134,19 @@ def _force(core: int, s: int) -> float:
 @njit(**CORE)
 def slips(core: int, s: int) -> bool:
     """Whether a string that has been drawn aside slides off the finger from now on; else it is let go at once."""
-    state = state_of(core)
-    seconds, second = state.sounding[s].slip_s, bank_of(core).strings[s].second
+    seconds, second = stroke_of(core, s).slip_s, bank_of(core).strings[s].second
     if seconds * settings_of(core).rate_hz < 1.0:
         return False
     for direction in range(2):
         line = s if direction == 0 else second
         if line >= 0:
-            me, finger = state.sounding[line], string_of(core, line).finger[0]
+            stroke, finger = stroke_of(core, line), string_of(core, line).finger[0]
             # a spring so soft that what the path pulls with is a force that is given
-            me.finger_from = _force(core, line) / LEAST_STIFFNESS
-            me.finger_to = 0.0
+            stroke.finger_from = _force(core, line) / LEAST_STIFFNESS
+            stroke.finger_to = 0.0
             finger.stiffness = LEAST_STIFFNESS
             finger.resistance = 0.0
-            if me.stale == 0:
-                me.stale = 2
+            grip_anew(core, line)
     last(core, s, seconds)
     begin_phase(core, s, SLIP)
     return True
@@ -147,19 +155,19 @@ def slips(core: int, s: int) -> bool:
 @njit(**CORE)
 def has_bounced(core: int, s: int) -> bool:
     """Whether what was thrown at a string is about to pull at it: it has left."""
-    me = state_of(core).sounding[s]
-    return me.phase == HIT and string_of(core, s).finger[0].push >= 0.0
+    hand = hand_of(core, s)
+    return hand.phase == HIT and string_of(core, s).finger[0].push >= 0.0
 
 
 @njit(**CORE)
 def follow_stroke(core: int, thread: int, s: int, steps: int) -> None:
     """Scratch.path: where the finger is before these steps and after each of them."""
-    me = state_of(core).sounding[s]
-    if me.phase == HIT and not bank_of(core).strings[s].of_first:
+    hand = hand_of(core, s)
+    if hand.phase == HIT and not bank_of(core).strings[s].of_first:
         _fly(core, thread, s, steps)
-    elif me.phase == TOUCHED:
+    elif hand.phase == TOUCHED:
         lie(core, thread, s, steps)
-    elif me.phase == DRAW or me.phase == SLIP:
+    elif hand.phase == DRAW or hand.phase == SLIP:
         _pluck(core, thread, s, steps)
     else:
         _go_evenly(core, thread, s, steps)
@@ -168,14 +176,13 @@ def follow_stroke(core: int, thread: int, s: int, steps: int) -> None:
 @njit(**CORE)
 def _pluck(core: int, thread: int, s: int, steps: int) -> None:
     """A string in one of its directions is drawn, or slides off."""
-    state = state_of(core)
     first = s - 1 if bank_of(core).strings[s].of_first else s
-    me, way = state.sounding[s], bank_of(core).articulations[state.sounding[first].articulation]
-    if me.phase == DRAW and way.arrival > 0.0:
+    hand, stroke, way = hand_of(core, s), stroke_of(core, s), bank_of(core).articulations[voice_of(core, first).articulation]
+    if hand.phase == DRAW and way.arrival > 0.0:
         _meet(core, thread, s, way.arrival, steps)
     else:
         _go_evenly(core, thread, s, steps)
-    if me.phase == DRAW and me.roughness > 0.0:
+    if hand.phase == DRAW and stroke.roughness > 0.0:
         _rub(core, thread, s, steps)
     if way.rub > 0.0:
         _slide_over(core, thread, s, first, steps)
@@ -184,10 +191,10 @@ def _pluck(core: int, thread: int, s: int, steps: int) -> None:
 @njit(**CORE)
 def _meet(core: int, thread: int, s: int, arrival: float, steps: int) -> None:
     """From where to where it goes, as what flew at the string."""
-    scratch, me = scratch_of(thread), state_of(core).sounding[s]
-    far = me.finger_to - me.finger_from
+    scratch, stroke = scratch_of(thread), stroke_of(core, s)
+    far = stroke.finger_to - stroke.finger_from
     for t in range(steps + 1):
-        scratch.path[t] = me.finger_from + far * _met((me.finger_step + t) / me.finger_steps, arrival)
+        scratch.path[t] = stroke.finger_from + far * _met((stroke.finger_step + t) / stroke.finger_steps, arrival)
 
 
 @njit(**CORE)
@@ -197,34 +204,34 @@ def _slide_over(core: int, thread: int, s: int, first: int, steps: int) -> None:
     While the string is drawn it creeps over as much of the edge, more slowly, and stands still before it slides: what it
     stands on is neither high nor low, so that the level of a pluck does not hang on it. It is the same in both directions.
     """
-    state, bank, scratch = state_of(core), bank_of(core), scratch_of(thread)
-    me, way = state.sounding[s], bank.articulations[state.sounding[first].articulation]
-    key = key_of(settings_of(core).seed, bank.strings[first].dice, state.sounding[first].strokes)
-    slips_off = me.phase == SLIP
+    bank, scratch = bank_of(core), scratch_of(thread)
+    hand, stroke, way = hand_of(core, s), stroke_of(core, s), bank.articulations[voice_of(core, first).articulation]
+    key = key_of(settings_of(core).seed, bank.strings[first].dice, stroke_of(core, first).strokes)
+    slips_off = hand.phase == SLIP
     numbers = _SLID_OVER if slips_off else _DRAWN_OVER
     share = way.rub * ROUGH
     for t in range(steps + 1):
-        crept = (me.finger_step + t) / me.finger_steps
+        crept = (stroke.finger_step + t) / stroke.finger_steps
         rough = share * uneven(key, numbers, way.grains * (crept if slips_off else 1.0 - crept), True)
         if slips_off:
             scratch.path[t] *= max(0.0, 1.0 + rough)
         else:
             rough *= crept * min(1.0, (1.0 - crept) / STANDING)
-            scratch.path[t] += rough * me.yielding * (scratch.path[t] - me.finger_from)
+            scratch.path[t] += rough * stroke.yielding * (scratch.path[t] - stroke.finger_from)
 
 
 @njit(**CORE)
 def _go_evenly(core: int, thread: int, s: int, steps: int) -> None:
     """From where to where it goes, as half a cosine."""
     scratch = scratch_of(thread)
-    me = state_of(core).sounding[s]
-    first = me.finger_step
-    turn = math.pi / me.finger_steps
+    stroke = stroke_of(core, s)
+    first = stroke.finger_step
+    turn = math.pi / stroke.finger_steps
     cosine, sine = math.cos(turn * first), math.sin(turn * first)
     further, aside = math.cos(turn), math.sin(turn)
-    half = 0.5 * (me.finger_to - me.finger_from)
+    half = 0.5 * (stroke.finger_to - stroke.finger_from)
     for t in range(steps + 1):
-        scratch.path[t] = me.finger_from + half * (1.0 - cosine)
+        scratch.path[t] = stroke.finger_from + half * (1.0 - cosine)
         cosine, sine = cosine * further - sine * aside, sine * further + cosine * aside
 
 
@@ -232,25 +239,25 @@ def _go_evenly(core: int, thread: int, s: int, steps: int) -> None:
 def _rub(core: int, thread: int, s: int, steps: int) -> None:
     """What is unsteady about it, most of it half way."""
     scratch, fixed = scratch_of(thread), bank_of(core).strings[s]
-    me = state_of(core).sounding[s]
-    key = key_of(settings_of(core).seed, fixed.dice, me.strokes)
+    stroke = stroke_of(core, s)
+    key = key_of(settings_of(core).seed, fixed.dice, stroke.strokes)
     per_step = 1.0 / (RUB_S * settings_of(core).rate_hz * fixed.factor)
     for t in range(steps + 1):
-        rises = math.sin(math.pi * (me.finger_step + t) / me.finger_steps)
-        scratch.path[t] += me.roughness * rises * rises * uneven(key, 64 * _RUB, (me.finger_step + t) * per_step)
+        rises = math.sin(math.pi * (stroke.finger_step + t) / stroke.finger_steps)
+        scratch.path[t] += stroke.roughness * rises * rises * uneven(key, 64 * _RUB, (stroke.finger_step + t) * per_step)
 
 
 @njit(**CORE)
 def _fly(core: int, thread: int, s: int, steps: int) -> None:
     """A mass behind the finger's spring, `thrown` its speed; finger_to keeps the force at the last frame's start."""
     scratch, fixed = scratch_of(thread), bank_of(core).strings[s]
-    me, push = state_of(core).sounding[s], _force(core, s)
+    voice, stroke, push = voice_of(core, s), stroke_of(core, s), _force(core, s)
     dt = 1.0 / (settings_of(core).rate_hz * fixed.factor)
-    per_mass = dt * steps / bank_of(core).articulations[me.articulation].mass
-    if me.finger_step > 0:
-        me.thrown -= 0.5 * (me.finger_to + push) * per_mass
-    me.finger_to = push
-    speed = me.thrown - 0.5 * push * per_mass
+    per_mass = dt * steps / bank_of(core).articulations[voice.articulation].mass
+    if stroke.finger_step > 0:
+        stroke.thrown -= 0.5 * (stroke.finger_to + push) * per_mass
+    stroke.finger_to = push
+    speed = stroke.thrown - 0.5 * push * per_mass
     for t in range(steps + 1):
-        scratch.path[t] = me.finger_from + speed * dt * t
-    me.finger_from += speed * dt * steps
+        scratch.path[t] = stroke.finger_from + speed * dt * t
+    stroke.finger_from += speed * dt * steps

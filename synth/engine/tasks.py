@@ -13,7 +13,7 @@ from synth.engine.advance import (
     make_steps_of_two,
     unchanged_quanta,
 )
-from synth.engine.core import bank_of, shared_of, state_of
+from synth.engine.core import bank_of, progress_of, shared_of, voice_of
 from synth.engine.layout import BEGIN, CORE, QUANTA, QUANTUM, STRETCH, TASK, TOGETHER, UNTIL
 from synth.jit.entries import entry
 from synth.native.views import call_back
@@ -27,31 +27,31 @@ def work_on(core: int, thread: int, i: int, other: int) -> None:
         if other >= 0:
             _work_on_one(core, thread, other)
         return
-    sounding, instruments = state_of(core).sounding, bank_of(core).instruments
+    instruments = bank_of(core).instruments
     s, beside = instruments[i].first_string, instruments[other].first_string
     if task[TASK] == STRETCH:
-        if not (sounding[s].awake and sounding[beside].awake and sounding[s].reached == sounding[beside].reached):
+        begun = progress_of(core, s).reached
+        if not (voice_of(core, s).awake and voice_of(core, beside).awake and progress_of(core, beside).reached == begun):
             _work_on_one(core, thread, i)
             _work_on_one(core, thread, other)
             return
-        begun = sounding[s].reached
         if begun < task[UNTIL]:
             advance_two_strings(core, thread, s, beside, begun, task[UNTIL] - begun)
-        sounding[s].reached = sounding[beside].reached = task[UNTIL]
+        progress_of(core, s).reached = progress_of(core, beside).reached = task[UNTIL]
         return
     k = int(np.int64(0))
     while k < task[QUANTA]:
         count = task[QUANTA] - k
         for line in (s, beside):
-            if sounding[line].awake:
+            if voice_of(core, line).awake:
                 begin_quantum(core, thread, line, k)
-            if sounding[line].awake:
+            if voice_of(core, line).awake:
                 count = min(count, unchanged_quanta(core, thread, line, k))
-        if sounding[s].awake and sounding[beside].awake:
+        if voice_of(core, s).awake and voice_of(core, beside).awake:
             advance_two_strings(core, thread, s, beside, k * QUANTUM, count * QUANTUM)
-        elif sounding[s].awake:
+        elif voice_of(core, s).awake:
             advance_string(core, thread, s, k * QUANTUM, count * QUANTUM)
-        elif sounding[beside].awake:
+        elif voice_of(core, beside).awake:
             advance_string(core, thread, beside, k * QUANTUM, count * QUANTUM)
         k += count
 
@@ -66,31 +66,31 @@ def _is_one_string(core: int, i: int) -> bool:
 @njit(**CORE)
 def _work_on_one(core: int, thread: int, i: int) -> None:
     """Let instrument i do what Shared.task asks."""
-    task, sounding, strings = shared_of(core).task, state_of(core).sounding, bank_of(core).strings
+    task, strings = shared_of(core).task, bank_of(core).strings
     instrument = bank_of(core).instruments[i]
     first, end, kind = instrument.first_string, instrument.end_string, task[TASK]
     if instrument.body >= 0:
         call_back(task[TOGETHER], core, thread, i, 0)
     elif kind == BEGIN:
         for s in range(first, end):
-            if sounding[s].awake:
+            if voice_of(core, s).awake:
                 begin_quantum(core, thread, s, int(np.int64(0)))  # a literal would compile it once more
     elif kind == STRETCH:
         for s in range(first, end):
-            me = sounding[s]
-            if me.awake and me.reached < task[UNTIL] and not strings[s].of_first:
-                advance_string(core, thread, s, me.reached, task[UNTIL] - me.reached)
-            me.reached = task[UNTIL]
+            voice, progress = voice_of(core, s), progress_of(core, s)
+            if voice.awake and progress.reached < task[UNTIL] and not strings[s].of_first:
+                advance_string(core, thread, s, progress.reached, task[UNTIL] - progress.reached)
+            progress.reached = task[UNTIL]
     else:
         k = int(np.int64(0))
         while k < task[QUANTA]:
             for s in range(first, end):
-                if sounding[s].awake:
+                if voice_of(core, s).awake:
                     begin_quantum(core, thread, s, k)
-            alone = end == first + 1 and sounding[first].awake
+            alone = end == first + 1 and voice_of(core, first).awake
             count = unchanged_quanta(core, thread, first, k) if alone else int(np.int64(1))
             for s in range(first, end):
-                if sounding[s].awake and not strings[s].of_first:
+                if voice_of(core, s).awake and not strings[s].of_first:
                     advance_string(core, thread, s, k * QUANTUM, count * QUANTUM)
             k += count
 

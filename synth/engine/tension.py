@@ -20,7 +20,7 @@ import math
 
 from numba import njit
 
-from synth.engine.core import bank_of, model_of, shared_of, state_of, string_of
+from synth.engine.core import bank_of, expression_of, hand_of, model_of, shared_of, string_of
 from synth.engine.expression import MOST_BEND
 from synth.engine.layout import CHECK_EVERY, CORE, FIRST_QUANTUM
 from synth.solver.vectors import FAST
@@ -36,17 +36,17 @@ MOST_RISE = 2.0 ** (MOST_BEND / 6.0)
 @njit(**CORE)
 def bend_with_motion(core: int, s: int, k: int, bend: float) -> float:
     """Semitones of a string that is bent by `bend` and stretched by its motion, in quantum k of the span."""
-    state, second = state_of(core), bank_of(core).strings[s].second
-    me = state.sounding[s]
+    second = bank_of(core).strings[s].second
+    expression = expression_of(core, s)
     if (shared_of(core).task[FIRST_QUANTUM] + k) % CHECK_EVERY == _FOLLOW_AT:
         rise = _rise(core, s)
         if second >= 0:
             rise += _rise(core, second)
-        if abs(rise - me.rise) > LEAST_RISE:
-            me.rise = min(MOST_RISE, rise) if rise > LEAST_RISE else 0.0
-    if me.rise == 0.0:
+        if abs(rise - expression.rise) > LEAST_RISE:
+            expression.rise = min(MOST_RISE, rise) if rise > LEAST_RISE else 0.0
+    if expression.rise == 0.0:
         return bend
-    return min(MOST_BEND, 6.0 * math.log2(2.0 ** (bend / 6.0) + me.rise))
+    return min(MOST_BEND, 6.0 * math.log2(2.0 ** (bend / 6.0) + expression.rise))
 
 
 @njit(fastmath=FAST, **CORE)
@@ -62,7 +62,7 @@ def _stretch(omega, q, v) -> float:
 @njit(**CORE)
 def _rise(core: int, s: int) -> float:
     """Share of its tension by which what a string does in one direction raises it, over its modes' periods."""
-    string, model = string_of(core, s), bank_of(core).models[state_of(core).sounding[s].model]
+    string, model = string_of(core, s), bank_of(core).models[hand_of(core, s).model]
     n, k = model.own, math.pi / model.length
     stretch = k * k * _stretch(model_of(core, s).omega[:n], string.q[:n], string.v[:n])
     return 0.25 * bank_of(core).strings[s].axial_stiffness / model.length * stretch / model.tension

@@ -11,14 +11,19 @@ from synth.engine.advance import follow_first, follow_quantum, make_path, moves_
 from synth.engine.coefficients import refresh, rest_state
 from synth.engine.core import (
     bank_of,
+    hand_of,
     is_held,
     model_address,
     model_of,
+    motion_of,
+    progress_of,
     scratch_of,
     settings_of,
     shared_of,
-    state_of,
     string_of,
+    stroke_of,
+    tally_of,
+    voice_of,
 )
 from synth.engine.ends import may_go_by_frames, refresh_end
 from synth.engine.knocks import knock_on
@@ -72,24 +77,24 @@ LEAST_PULL_N = 1e-9
 
 def work_together(core: int, thread: int, i: int, _: int) -> None:
     """`tasks.work_on` of an instrument whose strings share a bridge."""
-    task, sounding = shared_of(core).task, state_of(core).sounding
+    task = shared_of(core).task
     instrument = bank_of(core).instruments[i]
     first, end, kind = instrument.first_string, instrument.end_string, task[TASK]
     _find_models(core, i)
     if kind == BEGIN:
-        if sounding[first].awake:
+        if voice_of(core, first).awake:
             _begin_quantum(core, thread, i, int(np.int64(0)))
     elif kind == STRETCH:
-        begin, until = sounding[first].reached, task[UNTIL]
+        begin, until = progress_of(core, first).reached, task[UNTIL]
         for s in range(first, end):
-            sounding[s].reached = until
-        if sounding[first].awake and begin < until:
+            progress_of(core, s).reached = until
+        if voice_of(core, first).awake and begin < until:
             _advance(core, thread, i, begin, until - begin)
     else:
         for k in range(task[QUANTA]):
-            if sounding[first].awake:
+            if voice_of(core, first).awake:
                 _begin_quantum(core, thread, i, k)
-            if sounding[first].awake:
+            if voice_of(core, first).awake:
                 _advance(core, thread, i, k * QUANTUM, int(np.int64(QUANTUM)))
 
 
@@ -104,7 +109,7 @@ def _find_models(core: int, i: int) -> None:
 @njit(**CORE)
 def _begin_quantum(core: int, thread: int, i: int, k: int) -> None:
     """What is decided about an instrument that is awake at the start of quantum k of the span."""
-    bank, state = bank_of(core), state_of(core)
+    bank = bank_of(core)
     instrument = bank.instruments[i]
     for s in range(instrument.first_string, instrument.end_string):
         if not bank.strings[s].of_first:
@@ -116,7 +121,7 @@ def _begin_quantum(core: int, thread: int, i: int, k: int) -> None:
         return
     fingered = False
     for s in range(instrument.first_string, instrument.end_string):
-        fingered = fingered or NO_FINGER < state.sounding[s].phase < TOUCHED
+        fingered = fingered or NO_FINGER < hand_of(core, s).phase < TOUCHED
     if not fingered and (shared_of(core).task[FIRST_QUANTUM] + k) % SLEEP_EVERY == 0 and _falls_asleep(core, thread, i):
         return
     _certify_lines(core, thread, i)
@@ -125,7 +130,7 @@ def _begin_quantum(core: int, thread: int, i: int, k: int) -> None:
 @njit(**CORE)
 def _falls_asleep(core: int, thread: int, i: int) -> bool:
     """Levels of an instrument's strings; whether it is silent, and sleeps."""
-    bank, state = bank_of(core), state_of(core)
+    bank = bank_of(core)
     instrument = bank.instruments[i]
     coupling, scratch = coupling_at(shared_of(core).coupling_at[i]), scratch_of(thread)
     swinging = 0.0
@@ -134,21 +139,21 @@ def _falls_asleep(core: int, thread: int, i: int) -> bool:
         swinging += coupling.body_mass[m] * (coupling.p_speed[m] * coupling.p_speed[m] + w * w)
     loudest = instrument.output_bound * math.sqrt(swinging)
     for s in range(instrument.first_string, instrument.end_string):
-        me, string = state.sounding[s], string_of(core, s)
-        plain = string_model(shared_of(core).model_at[me.model, PLAIN])
+        voice, hand, motion, string = voice_of(core, s), hand_of(core, s), motion_of(core, s), string_of(core, s)
+        plain = string_model(shared_of(core).model_at[hand.model, PLAIN])
         n = min(plain.modes, string.counts[MOVING])
-        rest_state(core, thread, me, scratch.q)
+        rest_state(core, thread, s, scratch.q)
         end = end_at(shared_of(core).end_at[s])
         felt = end.counts[FELT_MODES]
-        me.level = _level(plain.weights[0], plain.omega, string.q, string.v, scratch.q, 0, min(n, felt))
+        voice.level = _level(plain.weights[0], plain.omega, string.q, string.v, scratch.q, 0, min(n, felt))
         if n > felt:
             above = _level(plain.weights[0], plain.omega, string.q, string.v, scratch.q, felt, n)
-            me.level += above
-            apart = end.counts[ENGAGED] == 0 and me.phase == NO_FINGER and end.counts[REACH_OF] == me.model + 1
-            if above < REST_BELOW and apart and me.lift == 0.0:
+            voice.level += above
+            apart = end.counts[ENGAGED] == 0 and hand.phase == NO_FINGER and end.counts[REACH_OF] == hand.model + 1
+            if above < REST_BELOW and apart and motion.lift == 0.0:
                 end.counts[RESTING] = 1
-                me.stale = 1
-        loudest += me.level
+                motion.stale = 1
+        loudest += voice.level
     if loudest < SLEEP_BELOW:
         sleep_together(core, i)
         return True
@@ -177,7 +182,7 @@ def _certify_lines(core: int, thread: int, i: int) -> None:
             if first != end.counts[ENGAGED]:
                 look_at(shared.coupling_at[i], line, first, thread)
                 changed = True
-        elif state_of(core).sounding[s].stale or end.counts[BY_FRAMES]:  # as it is refreshed, and from block to block
+        elif motion_of(core, s).stale or end.counts[BY_FRAMES]:  # as it is refreshed, and from block to block
             continue
         elif may_go_by_frames(core, s) and go_by_frames(shared.coupling_at[i], line, thread):
             changed = True
@@ -185,7 +190,7 @@ def _certify_lines(core: int, thread: int, i: int) -> None:
             continue
         elif model_of(core, s).eta.size > 0:
             near = certify_line(shared.coupling_at[i], line, thread)
-            engaged = 1 if near > 0 or is_held(state_of(core).sounding[s]) else 0
+            engaged = 1 if near > 0 or is_held(hand_of(core, s)) else 0
             if engaged != end.counts[ENGAGED]:
                 look_at(shared.coupling_at[i], line, engaged, thread)
                 changed = True
@@ -210,7 +215,7 @@ def sleep_together(core: int, i: int) -> None:
 @njit(**CORE)
 def _advance(core: int, thread: int, i: int, begin: int, frames: int) -> None:
     """Frames of an instrument that is awake, from frame `begin` of the span."""
-    bank, state, shared = bank_of(core), state_of(core), shared_of(core)
+    bank, shared = bank_of(core), shared_of(core)
     instrument = bank.instruments[i]
     address = shared.coupling_at[i]
     out = shared.radiated[instrument.body]
@@ -220,26 +225,26 @@ def _advance(core: int, thread: int, i: int, begin: int, frames: int) -> None:
         count = _refresh_lines(core, thread, i, frames - done)
         knock_on(core, i, count)
         if advance_frames(address, thread, count, out[:, begin + done :]) != SOLVED:
-            state.sounding[instrument.first_string].unsolved += 1
+            tally_of(core, instrument.first_string).unsolved += 1
         done += count
         for s in range(instrument.first_string, instrument.end_string):
-            me = state.sounding[s]
+            hand, stroke, tally = hand_of(core, s), stroke_of(core, s), tally_of(core, s)
             engaged = end_at(shared.end_at[s]).counts[ENGAGED]
             in_steps = engaged and not end_at(shared.end_at[s]).counts[BY_FRAMES]
             modes = end_at(shared.end_at[s]).counts[APART_MODES]
             if in_steps:
                 modes = model_of(core, s).modes * bank.strings[s].factor
-            me.mode_steps += modes * count
+            tally.mode_steps += modes * count
             if bank.strings[s].of_first:
-                if me.phase != NO_FINGER and me.finger_step >= me.finger_steps:
-                    me.phase = NO_FINGER  # the first direction, just before, has decided for both
-            elif me.phase != NO_FINGER and (me.finger_step >= me.finger_steps or has_bounced(core, s)):
+                if hand.phase != NO_FINGER and stroke.finger_step >= stroke.finger_steps:
+                    hand.phase = NO_FINGER  # the first direction, just before, has decided for both
+            elif hand.phase != NO_FINGER and (stroke.finger_step >= stroke.finger_steps or has_bounced(core, s)):
                 finger_done(core, thread, s)
     if not _sounds(core, i, begin, frames):
         for channel in range(2):
             for t in range(begin, begin + frames):
                 out[channel, t] = 0.0
-        state.sounding[instrument.first_string].silenced += 1
+        tally_of(core, instrument.first_string).silenced += 1
         for s in range(instrument.first_string, instrument.end_string):
             string = string_of(core, s)
             string.force[:] = 0.0
@@ -265,21 +270,21 @@ def _place(core: int, i: int, begin: int, frames: int) -> None:
 @njit(**CORE)
 def _refresh_lines(core: int, thread: int, i: int, frames: int) -> int:
     """Bring all lines in line with what has been done to them; how many frames they go on so, at most so many."""
-    bank, state, shared = bank_of(core), state_of(core), shared_of(core)
+    bank, shared = bank_of(core), shared_of(core)
     instrument, coupling = bank.instruments[i], coupling_at(shared.coupling_at[i])
     changed = False
     count = frames
     for s in range(instrument.first_string, instrument.end_string):
-        me, end = state.sounding[s], end_at(shared.end_at[s])
-        engaged, changed_it, certain = end.counts[ENGAGED], me.stale != 0, False
-        if me.stale:
-            whole = me.stale == 1
+        hand, stroke, motion, end = hand_of(core, s), stroke_of(core, s), motion_of(core, s), end_at(shared.end_at[s])
+        engaged, changed_it, certain = end.counts[ENGAGED], motion.stale != 0, False
+        if motion.stale:
+            whole = motion.stale == 1
             refresh(core, thread, s)
             certain = refresh_end(core, thread, s, whole)
             changed = True
-        fingered = is_held(me)
+        fingered = is_held(hand)
         changed_it = changed_it or (end.counts[BY_FRAMES] != 0 and not fingered)
-        contacts = bank.models[me.model].contacts
+        contacts = bank.models[hand.model].contacts
         line = s - instrument.first_string
         coupling.line_model[line] = model_address(core, s)
         if bank.strings[s].friction > 0.0:
@@ -299,12 +304,12 @@ def _refresh_lines(core: int, thread: int, i: int, frames: int) -> int:
                 if fingered:
                     fill_finger(shared.coupling_at[i], line, thread)
         string_of(core, s).finger[0].on = 1 if fingered else 0
-        if me.phase != NO_FINGER:
-            count = min(count, (me.finger_steps - me.finger_step) // bank.strings[s].factor)
-        if me.phase == HIT:
+        if hand.phase != NO_FINGER:
+            count = min(count, (stroke.finger_steps - stroke.finger_step) // bank.strings[s].factor)
+        if hand.phase == HIT:
             count = min(count, 1)
     for s in range(instrument.first_string, instrument.end_string):
-        if state.sounding[s].phase != NO_FINGER:
+        if hand_of(core, s).phase != NO_FINGER:
             make_path(core, thread, s, count * bank.strings[s].factor, end_at(shared.end_at[s]).path)
     if changed:
         _count_forces(core, i)
@@ -319,15 +324,15 @@ def _count_forces(core: int, i: int) -> None:
     A string that is stopped elsewhere pulls at another angle. The bridge does not feel that as a blow, but the hand's work
     before: that it is counted as nothing comes slowly (`_follow_rest`).
     """
-    state, shared = state_of(core), shared_of(core)
+    shared = shared_of(core)
     instrument, coupling = bank_of(core).instruments[i], coupling_at(shared.coupling_at[i])
     for d in range(coupling.held.size):
         coupling.held[d] = 0.0
     for s in range(instrument.first_string, instrument.end_string):
-        me = state.sounding[s]
-        held = me.base - me.rest
-        if me.lift > 0.0:
-            held += end_at(shared.end_at[s]).leverage[0] * me.lift
+        motion = motion_of(core, s)
+        held = motion.base - motion.rest
+        if motion.lift > 0.0:
+            held += end_at(shared.end_at[s]).leverage[0] * motion.lift
         if held != 0.0:
             for d in range(coupling.held.size):
                 coupling.held[d] += coupling.direction[s - instrument.first_string, d] * held
@@ -336,16 +341,15 @@ def _count_forces(core: int, i: int) -> None:
 @njit(**CORE)
 def _follow_rest(core: int, i: int) -> None:
     """Pulls of strings at rest that are not yet counted as nothing, over a quantum."""
-    state = state_of(core)
     instrument = bank_of(core).instruments[i]
     follow = 1.0 - math.exp(-QUANTUM / (BASE_S * settings_of(core).rate_hz))
     changed = False
     for s in range(instrument.first_string, instrument.end_string):
-        me = state.sounding[s]
-        if me.base != me.rest:
-            me.base += follow * (me.rest - me.base)
-            if abs(me.rest - me.base) < LEAST_PULL_N:
-                me.base = me.rest
+        motion = motion_of(core, s)
+        if motion.base != motion.rest:
+            motion.base += follow * (motion.rest - motion.base)
+            if abs(motion.rest - motion.base) < LEAST_PULL_N:
+                motion.base = motion.rest
             changed = True
     if changed:
         _count_forces(core, i)

@@ -15,7 +15,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from synth.engine.core import CORE_WORDS, bank_of, scratch_of, state_of, string_of
+from synth.engine.core import CORE_WORDS, bank_of, expression_of, hand_of, scratch_of, string_of
 from synth.engine.engine import Engine
 from synth.engine.layout import NO_FINGER, QUANTUM, SPAN, STEP
 from synth.instrument.compile import Position
@@ -56,20 +56,20 @@ tape_of = opener(Tape, CORE_WORDS)
 
 
 def taped_steps(core: int, thread: int, s: int, steps: int) -> None:
-    bank, state, scratch, tape = bank_of(core), state_of(core), scratch_of(thread), tape_of(core)
-    me = state.sounding[s]
+    bank, scratch, tape = bank_of(core), scratch_of(thread), tape_of(core)
+    hand, expression = hand_of(core, s), expression_of(core, s)
     fixed = bank.strings[s]
     if fixed.of_first:
         call_back(tape.step, core, thread, s, steps)
         return
     points = bank.parts[fixed.part].use_q + bank.parts[fixed.part].use_v
-    model = bank.models[me.model]
+    model = bank.models[hand.model]
     contacts = model.contacts
     string = string_of(core, s)
     at = 0
     while at < steps:
         count = BLOCK if steps - at >= BLOCK else 1
-        fingered = me.phase != NO_FINGER
+        fingered = hand.phase != NO_FINGER
         call_back(tape.step, core, thread, s, count)
         for p in range(points):
             for t in range(count):
@@ -85,8 +85,8 @@ def taped_steps(core: int, thread: int, s: int, steps: int) -> None:
             tape.q[shot, j] = string.q[j]
             tape.v[shot, j] = string.v[j]
         tape.finger[shot] = scratch.path[count] if fingered else np.nan
-        tape.bend[shot] = me.bend
-        tape.hand[shot] = me.hand
+        tape.bend[shot] = expression.bend
+        tape.hand[shot] = expression.hand
         tape.ends[shot] = made + count
         tape.written[STEPS] = made + count
         tape.written[SHOTS] = shot + 1

@@ -33,7 +33,7 @@ class Excitation:
     made      (settings) → constants: a NamedTuple of numbers
     begin     (core, thread, s, velocity): takes hold of string s with `engine.strings.take_hold`; velocity 1 … 127
     follow    (core, thread, s, steps): Scratch.path[0] … [steps], where the hand is before the next `steps` internal steps
-              and after each of them [m]; SOUNDING.finger_step of .finger_steps have been taken. It follows from these and
+              and after each of them [m]; STROKE.finger_step of .finger_steps have been taken. It follows from these and
               from what `begin` left, not from where calls are cut
 
     `begin` and `follow` are plain functions that are compiled and called by address, on the thread of the sound card.

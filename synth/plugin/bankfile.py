@@ -541,7 +541,7 @@ def function_at(address: int) -> str | None:
 
 
 def _places(memory: Memory, inside: EngineMemory) -> np.ndarray:
-    state, shared = inside.state, inside.shared
+    state, sounding, shared = inside.state, inside.sounding, inside.shared
 
     def words(array: np.ndarray, first: int = 0, count: int = 1, stride: int = 8) -> tuple[int, int, int]:
         return memory.place(array) + 8 * first, stride, count
@@ -565,12 +565,12 @@ def _places(memory: Memory, inside: EngineMemory) -> np.ndarray:
         "silenced": words(state.counters, layout.N_SILENCED),
         "peak": words(state.meters, layout.PEAK),
         "unplayed": words(state.unplayed, count=state.unplayed.size),
-        "awake": field(state.sounding, "awake"),
-        "idle": field(state.sounding, "idle"),
-        "note": field(state.sounding, "note"),
-        "channel": field(state.sounding, "channel"),
+        "awake": field(sounding.voices, "awake"),
+        "idle": field(sounding.voices, "idle"),
+        "note": field(sounding.voices, "note"),
+        "channel": field(sounding.voices, "channel"),
         "still": field(state.part_state, "still"),
-        "silenced_strings": field(state.sounding, "silenced"),
+        "silenced_strings": field(sounding.tallies, "silenced"),
         "silenced_parts": field(state.part_state, "silenced"),
         "programs": field(state.channels, "program"),
         "parameters": words(state.parameters, count=len(state.parameters), stride=8 * layout.N_PARAMETERS),

@@ -208,7 +208,7 @@ def until_state_at(made: Engine, events, frame: int) -> np.ndarray:
 
 def state_of(made: Engine, s: int) -> tuple[np.ndarray, np.ndarray]:
     """q, v of string s: views into the state, as many modes as its model has."""
-    model, string = bank_of(made).models[made._state.sounding["model"][s]], made._strings.states.items[s]
+    model, string = bank_of(made).models[made._sounding.hands["model"][s]], made._strings.states.items[s]
     return string.q[: model["n"]], string.v[: model["n"]]
 
 
@@ -219,7 +219,7 @@ def string_of(made: Engine, s: int) -> StringState:
 
 def model_of(made: Engine, s: int) -> StringModel:
     """The model of string s as compiled."""
-    return made._strings.models[made._state.sounding["model"][s]]
+    return made._strings.models[made._sounding.hands["model"][s]]
 
 
 def energy(made: Engine, s: int) -> float:
@@ -231,12 +231,12 @@ def energy(made: Engine, s: int) -> float:
 
 def awake(made: Engine) -> list[int]:
     """Indices of the strings that are awake."""
-    return [int(s) for s in np.flatnonzero(made._state.sounding["awake"])]
+    return [int(s) for s in np.flatnonzero(made._sounding.voices["awake"])]
 
 
 def place(made: Engine, s: int) -> tuple[str, int]:
     """Name of string s and the fret it is stopped at."""
-    model = made._state.sounding["model"][s]
+    model = made._sounding.hands["model"][s]
     position = bank_of(made).positions[bank_of(made).positions["model"] == model][0]
     return made.compiled[int(position["part"])].strings[s].name, int(position["fret"])
 

@@ -116,7 +116,7 @@ def test_strings_that_share_a_body_have_them_too():
 
 def test_a_chord_sounds_string_by_string(handed):
     events = [key(0, STRUM), *(key(96, note) for note in (43, 38, 33, 28))]
-    seen = watch(handed, events, 4000, lambda: [bool(one) for one in handed._state.sounding["phase"] > WAIT])
+    seen = watch(handed, events, 4000, lambda: [bool(one) for one in handed._sounding.hands["phase"] > WAIT])
     began = [next(i for i, row in enumerate(seen) if row[s]) * QUANTUM for s in range(4)]
     gap = 0.012 * RATE_HZ
     assert began == pytest.approx([96, 96 + gap, 96 + 2 * gap, 96 + 3 * gap], abs=QUANTUM)
@@ -135,8 +135,8 @@ def test_a_slide_whose_key_is_let_go_arrives_and_is_damped_there(handed):
     events = [LEGATO, key(0, SLIDE), key(96, 29), up(200, 29), key(300, 29), key(9600, 36), up(9700, 36), up(9701, 29)]
     handed.reset()
     play(handed, events, 60_000)
-    assert place(handed, 0)[1] in (1, 8) and handed._state.sounding["held"][0] == 0
-    assert handed._state.sounding["hand"][0] > 0.0
+    assert place(handed, 0)[1] in (1, 8) and handed._sounding.voices["held"][0] == 0
+    assert handed._sounding.expressions["hand"][0] > 0.0
 
 
 def test_the_order_in_which_a_chords_keys_come_changes_no_bit(handed):
@@ -144,7 +144,7 @@ def test_the_order_in_which_a_chords_keys_come_changes_no_bit(handed):
     for notes in ((28, 33, 38, 43), (43, 28, 38, 33)):
         handed.reset()
         sounds.append(play(handed, [key(0, STRUM), *(key(96, note) for note in notes)], 8000))
-        assert handed._state.sounding["strokes"].tolist() == [1, 1, 1, 1]
+        assert handed._sounding.strokes["strokes"].tolist() == [1, 1, 1, 1]
     assert np.array_equal(*sounds)
 
 
@@ -152,7 +152,7 @@ def test_a_chord_struck_again_is_damped_until_its_turn(handed):
     chord = (28, 33, 38, 43)
     events = [key(0, STRUM), *(key(96, note) for note in chord), *(up(9000, note) for note in chord)]
     hands = watch(
-        handed, [*events, *(key(9600, note) for note in chord)], 12_000, lambda: handed._state.sounding["hand"].copy()
+        handed, [*events, *(key(9600, note) for note in chord)], 12_000, lambda: handed._sounding.expressions["hand"].copy()
     )
     waiting = hands[(9600 + 300) // QUANTUM]
     assert np.count_nonzero(waiting > 0.0) >= 3
@@ -161,17 +161,17 @@ def test_a_chord_struck_again_is_damped_until_its_turn(handed):
 def test_a_slide_that_is_taken_back_strikes_nothing(handed):
     handed.reset()
     play(handed, [LEGATO, key(0, SLIDE), key(96, 31), key(5000, 35), up(5600, 35)], 12_000)
-    assert handed._state.sounding["strokes"][0] == 1 and place(handed, 0)[1] == 3
+    assert handed._sounding.strokes["strokes"][0] == 1 and place(handed, 0)[1] == 3
     handed.reset()
     play(handed, [LEGATO, key(0, SLIDE), key(96, 31), key(5000, 38 - 3), key(7000, 32)], 16_000)
-    assert handed._state.sounding["strokes"][0] == 1
+    assert handed._sounding.strokes["strokes"][0] == 1
 
 
 def test_a_palm_stays_while_the_left_hand_moves(handed):
     for notes in ((31, 33), (33, 31)):  # pressed down, pulled off
         handed.reset()
         play(handed, [LEGATO, key(0, MUTE), key(96, notes[0]), key(6000, notes[1])], 9000)
-        assert handed._state.sounding["phase"][0] == TOUCHED and handed._state.sounding["strokes"][0] == 1
+        assert handed._sounding.hands["phase"][0] == TOUCHED and handed._sounding.strokes["strokes"][0] == 1
         assert place(handed, 0)[1] == notes[1] - 28
 
 
@@ -180,7 +180,7 @@ def test_a_finger_that_ends_a_note_is_lifted_in_its_time():
         "lifted", steel("G2"), more="[hand]\nrelease = { place = 0.9, width_mm = 20, resistance = 0.3, lift_ms = 50 }\n"
     )
     made = engine(lifted)
-    phases = watch(made, [key(96, 43), up(4000, 43)], 9000, lambda: int(made._state.sounding["phase"][0]))
+    phases = watch(made, [key(96, 43), up(4000, 43)], 9000, lambda: int(made._sounding.hands["phase"][0]))
     assert phases[4400 // QUANTUM] == TOUCHED and set(phases[7000 // QUANTUM :]) == {NO_FINGER}
 
 
@@ -206,7 +206,7 @@ def test_a_pull_sounds_as_its_key_and_comes_back(pulled, note):
     pulled.reset()
     events = [LEGATO, key(0, 48 + 1), key(20_000, note), up(50_000, note)]
     x = play(pulled, events, 90_000)[:, 0]
-    assert place(pulled, 0)[1] == 1 and pulled._state.sounding["pull"][0] == 0.0
+    assert place(pulled, 0)[1] == 1 and pulled._sounding.expressions["pull"][0] == 0.0
     assert abs(semitones(x[8_000:20_000], hz_of(49))) < 0.1
     assert abs(semitones(x[34_000:50_000], hz_of(note)) - semitones(x[8_000:20_000], hz_of(49))) < 0.05
     assert abs(semitones(x[68_000:88_000], hz_of(49))) < 0.1
@@ -215,7 +215,9 @@ def test_a_pull_sounds_as_its_key_and_comes_back(pulled, note):
 
 
 def test_the_wheel_shakes_at_its_rate_and_only_upwards_where_it_pulls(pulled):
-    seen = watch(pulled, [key(96, 60), (9600, CONTROL, 0, 1, 127)], 60_000, lambda: float(pulled._state.sounding["bend"][0]))
+    seen = watch(
+        pulled, [key(96, 60), (9600, CONTROL, 0, 1, 127)], 60_000, lambda: float(pulled._sounding.expressions["bend"][0])
+    )
     assert max(seen[:300]) == 0.0
     shaken = np.array(seen[600:])
     assert shaken.min() >= 0.0 and shaken.max() == pytest.approx(0.5, abs=0.005)
@@ -288,5 +290,5 @@ def test_what_is_left_out_of_an_engine_is_not_what_articulations_go_through():
 
 
 def test_what_flies_keeps_its_articulation(handed):
-    seen = watch(handed, [key(0, SLAP), key(96, 28, 120)], 2000, lambda: int(handed._state.sounding["phase"][0]))
+    seen = watch(handed, [key(0, SLAP), key(96, 28, 120)], 2000, lambda: int(handed._sounding.hands["phase"][0]))
     assert HIT in seen

@@ -82,8 +82,8 @@ def test_whatever_gets_into_a_string_ends_there(scheme, array, value):
     assert s in awake(spoilt)
     getattr(string_of(spoilt, s), array)[3] = value
     # the same silence where the string is taken out by hand
-    whole._state.sounding["fade_to"][s] = whole._state.sounding["fade_at"][s] = 0
-    whole._state.sounding["awake"][s] = 0
+    whole._sounding.motions["fade_to"][s] = whole._sounding.motions["fade_at"][s] = 0
+    whole._sounding.voices["awake"][s] = 0
     stems = np.zeros((1, 6400, 2))
     out = play(spoilt, [], 6400, stems=stems)
     assert np.isfinite(stems).all()

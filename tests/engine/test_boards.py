@@ -51,7 +51,7 @@ ROWS = [
 
 def board_of(made: Engine, s: int = 0) -> Board:
     """The board under string s as it is stopped."""
-    model = int(made._state.sounding["model"][s])
+    model = int(made._sounding.hands["model"][s])
     (found,) = [b for b, m in zip(made._strings.boards.items, made._strings.boards.models, strict=True) if model in m]
     return found
 
@@ -62,7 +62,7 @@ def struck(made: Engine) -> int:
 
 def omega_of(made: Engine, s: int = 0) -> np.ndarray:
     """(N,) of a string as it is now."""
-    if not made._state.sounding["altered"][s]:
+    if not made._sounding.motions["altered"][s]:
         return model_of(made, s).omega
     return made._strings.coefficients.items[s].omega[: model_of(made, s).modes]
 
@@ -140,7 +140,7 @@ def test_a_legato_note_slides_there() -> None:
     play(made, [(0, NOTE_ON, 0, 36, 110)], 6400)
     before, q = omega_of(made)[0], string_of(made, 0).q.copy()
     play(made, [(0, CONTROL, 0, 68, 127), (0, NOTE_ON, 0, 41, 110)], 64)
-    assert place(made, 0)[1] == 8 and made._state.sounding["phase"][0] == layout.NO_FINGER
+    assert place(made, 0)[1] == 8 and made._sounding.hands["phase"][0] == layout.NO_FINGER
     # it is about to set out: it never sounds the new note first
     assert 1.0 <= omega_of(made)[0] / before < 1.05
     way = []
@@ -149,7 +149,7 @@ def test_a_legato_note_slides_there() -> None:
         way.append(float(omega_of(made)[0]))
     assert all(b >= a for a, b in itertools.pairwise(way))
     assert way[-1] / before == pytest.approx(2.0 ** (5.0 / 12.0), rel=1e-4)
-    assert made._state.sounding["slide"][0] == 0.0
+    assert made._sounding.expressions["slide"][0] == 0.0
     assert np.abs(string_of(made, 0).q).max() > 0.01 * np.abs(q).max()  # the same vibration
 
 
@@ -159,7 +159,7 @@ def test_without_a_slide_time_and_from_an_open_string_it_is_hammered_on() -> Non
         made = engine(given)
         play(made, [(0, NOTE_ON, 0, first, 110)], 6400)
         play(made, [(0, CONTROL, 0, 68, 127), (0, NOTE_ON, 0, 41, 110)], 64)
-        assert made._state.sounding["phase"][0] == layout.PRESS
+        assert made._sounding.hands["phase"][0] == layout.PRESS
         play(made, [], 6400)
         assert place(made, 0)[1] == 8
 
@@ -200,7 +200,7 @@ def test_a_raised_board_touches_more_and_gives_no_energy() -> None:
 def test_a_quiet_string_flies_and_sleeps_and_wakes() -> None:
     made = engine(BOARD)
     play(made, [(0, NOTE_ON, 0, 36, 20)], 44100)
-    assert made._state.sounding["flying"][0] == 1
+    assert made._sounding.motions["flying"][0] == 1
     play(made, [(0, NOTE_OFF, 0, 36)], 44100)
     assert awake(made) == []
     again = play(made, [(0, NOTE_ON, 0, 36, 20)], 22050)
@@ -221,7 +221,7 @@ def test_a_string_that_reaches_nothing_under_a_moving_wheel_is_not_looked_at() -
             side.append(play(made, due, 32, 32))
         if at > 7000:
             was_free += int(strings[0].counts[REACHES_NOTHING])
-            if not looked._state.sounding["flying"][0]:
+            if not looked._sounding.motions["flying"][0]:
                 strings[1].counts[REACHES_NOTHING] = 0
                 strings[1].counts[MOVING] = model_of(looked, 0).modes
     assert was_free > 600
@@ -254,7 +254,7 @@ def test_wild_players(seed: int) -> None:
     events = random_events(np.random.default_rng(seed), 300, 40000, 2, (28, 60))
     out = play(made, events, 40000)
     report = made.report()
-    assert np.isfinite(out).all() and report.unsolved_contacts == 0 and not made._state.sounding["silenced"].any()
+    assert np.isfinite(out).all() and report.unsolved_contacts == 0 and not made._sounding.tallies["silenced"].any()
 
 
 def test_models_are_of_one_rate_and_as_fine_as_they_are_long() -> None:

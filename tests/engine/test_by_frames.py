@@ -50,7 +50,7 @@ def watched(made: Engine, events: list, frames: int) -> tuple[np.ndarray, float,
         here = rows[(rows["frame"] >= begin) & (rows["frame"] < begin + QUANTUM)].copy()
         here["frame"] -= begin
         made.process(here, out[begin : begin + QUANTUM])
-        touched = made._state.sounding["phase"] == TOUCHED
+        touched = made._sounding.hands["phase"] == TOUCHED
         lain_on += int(touched.sum())
         went += sum(int(end.counts[BY_FRAMES]) for end, on in zip(ends, touched, strict=True) if on)
     return out, went / max(1, lain_on), lain_on
@@ -91,7 +91,7 @@ def test_hand_and_bend_do_not_end_flight(change: tuple) -> None:
     events = [(0, NOTE_ON, 0, 48, 90), (9600, *change)]
     made = engine(FREE, internal_rate_hz=6 * RATE_HZ)
     play(made, events, 9600 + 320)
-    assert made._state.sounding["flying"][0] == STEPS_DUE
+    assert made._sounding.motions["flying"][0] == STEPS_DUE
     later = [*events, (9600 + 400, NOTE_ON, 0, 48, 70)]
     at_every_step = play(engine(FREE, economy=False, internal_rate_hz=6 * RATE_HZ), later, 20_000)[:, 0]
     whole, low = worst(at_every_step, play(engine(FREE, internal_rate_hz=6 * RATE_HZ), later, 20_000)[:, 0])
@@ -102,15 +102,15 @@ def test_a_wheel_that_never_stops_leaves_a_string_in_flight_and_asleep_in_the_en
     wheel = [(320 * k, BEND, 0, round(4000 * np.sin(0.3 * k))) for k in range(1, 900)]
     made = engine(FREE, internal_rate_hz=6 * RATE_HZ)
     play(made, [(0, NOTE_ON, 0, 48, 90), *wheel[:40]], 12_000)
-    assert made._state.sounding["flying"][0] in (FLYING, STEPS_DUE)
+    assert made._sounding.motions["flying"][0] in (FLYING, STEPS_DUE)
     play(made, [(0, NOTE_OFF, 0, 48), *wheel], 290_000)
-    assert made._state.sounding["awake"][0] == 0
+    assert made._sounding.voices["awake"][0] == 0
 
 
 def play_until_it_lands(made: Engine, events: list) -> int:
     """Quanta of a string's flight from these events on."""
     flew = 0
-    while made._state.sounding["flying"][0] != LANDED:
+    while made._sounding.motions["flying"][0] != LANDED:
         play(made, events if flew == 0 else [], QUANTUM, QUANTUM)
         flew += 1
         assert flew < 1000
@@ -122,8 +122,8 @@ def test_a_bent_string_that_lands_moves_all_of_its_modes() -> None:
     low = preset("low", steel("G2"), obstacle='kind = "bridge"\ndistance_mm = 6.0\njiva_um = 50.0', output=FORCE)
     made = engine(low, internal_rate_hz=4 * RATE_HZ)
     play(made, [(0, NOTE_ON, 0, 43, 12), (20_000, BEND, 0, 500, 0)], 20_320)
-    assert made._state.sounding["flying"][0] == STEPS_DUE
-    model, moving = made._bank.models[int(made._state.sounding["model"][0])], made._strings.states.items[0].counts
+    assert made._sounding.motions["flying"][0] == STEPS_DUE
+    model, moving = made._bank.models[int(made._sounding.hands["model"][0])], made._strings.states.items[0].counts
     flew = play_until_it_lands(made, [(0, PARAMETER, 0, HEIGHT, 0, 48.0)])
     assert flew > 0 and moving[MOVING] == model["n"] > model["audible"]
 
@@ -132,10 +132,10 @@ def test_a_wheel_that_comes_back_in_flight_leaves_a_state_that_can_be_loaded() -
     """Of a string over several frets: nothing of its own is due when it has the model's coefficients again."""
     made = engine(ONE_NECK)
     play(made, [(0, BEND, 0, 500, 0), (6000, NOTE_ON, 0, 45, 20)], 24_000)  # bent before it flies: all responses were due
-    assert made._state.sounding["flying"][0] and made._state.sounding["altered"][0]
+    assert made._sounding.motions["flying"][0] and made._sounding.motions["altered"][0]
     assert made._strings.states.items[0].due.any()
     play(made, [(0, BEND, 0, 0, 0)], 16_000)
-    assert made._state.sounding["flying"][0] == FLYING
+    assert made._sounding.motions["flying"][0] == FLYING
     assert not made._strings.states.items[0].due.any()
     other = engine(ONE_NECK)
     go_on_from(other, what_sounds(made))
@@ -149,10 +149,10 @@ def test_what_lies_on_a_string_flies_with_it() -> None:
     events = [(0, NOTE_ON, 0, 48, 100)]
     made = engine(PALM, internal_rate_hz=6 * RATE_HZ)
     play(made, events, 6000)
-    sounding = made._state.sounding
-    assert sounding["phase"][0] == TOUCHED and sounding["flying"][0] == FLYING
+    hands, motions = made._sounding.hands, made._sounding.motions
+    assert hands["phase"][0] == TOUCHED and motions["flying"][0] == FLYING
     play(made, [(0, NOTE_ON, 0, 48, 60)], 64)
-    assert sounding["flying"][0] == LANDED
+    assert motions["flying"][0] == LANDED
     later = [*events, (6000, NOTE_ON, 0, 48, 60)]
     whole = play(engine(PALM, economy=False, internal_rate_hz=6 * RATE_HZ), later, 12_000)[:, 0]
     sound = play(engine(PALM, internal_rate_hz=6 * RATE_HZ), later, 12_000)[:, 0]
@@ -170,7 +170,7 @@ def test_what_is_drawn_by_frames_sounds_as_in_steps(name: str, note: int, veloci
         made, out = engine(load_preset(name), economy=economy, precision="float64"), np.zeros((QUANTUM * 400, 2))
         for begin in range(0, len(out), QUANTUM):
             made.process(rows if begin == 0 else rows[:0], out[begin : begin + QUANTUM])
-            drawing = made._state.sounding["phase"] == DRAW
+            drawing = made._sounding.hands["phase"] == DRAW
             went = [end.counts[BY_FRAMES] for end in made._strings.bridges.ends.items]
             drawn += sum(int(each) for each, draws in zip(went, drawing, strict=True) if draws)
         sound.append(out)

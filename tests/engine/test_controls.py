@@ -94,10 +94,10 @@ def test_what_sounds_follows_at_once_or_stays(free):
 def test_other_keys_keep_their_pitch_and_nan_resets(free):
     free.reset()
     play(free, [(0, NOTE_ON, 0, 50, 100), (0, NOTE_ON, 0, 55, 100), (9, TUNING, 0, 55, 1, 56.0)], 6000)
-    assert free._state.sounding["bend"][2] == 0.0 and free._state.sounding["bend"][G3] == 1.0
+    assert free._sounding.expressions["bend"][2] == 0.0 and free._sounding.expressions["bend"][G3] == 1.0
     for reset in (math.nan, math.inf, -math.inf):
         play(free, [(0, TUNING, 0, 55, 1, 56.0), (100, TUNING, 0, 55, 1, reset)], 6000)
-        assert free._state.sounding["bend"][G3] == 0.0 and not free._state.tuning.any()
+        assert free._sounding.expressions["bend"][G3] == 0.0 and not free._state.tuning.any()
 
 
 def test_a_tuning_is_limited_and_wrong_keys_are_refused(free):
@@ -144,7 +144,7 @@ def test_pressure_is_for_its_channel_and_its_key(tense):
     tense.reset()
     chord = [(0, NOTE_ON, 0, 50, 100), (0, NOTE_ON, 1, 52, 100), (0, NOTE_ON, 0, 55, 100)]
     play(tense, [*chord, (100, KEY_PRESSURE, 0, 50, 127), (100, KEY_PRESSURE, 0, 52, 127), (100, PRESSURE, 1, 0, 64)], 8000)
-    bends = tense._state.sounding["bend"]
+    bends = tense._sounding.expressions["bend"]
     assert bends[2] == pytest.approx(0.4) and bends[4] == pytest.approx(0.4 * 64 / 127) and bends[G3] == 0.0
     play(tense, [(0, PRESSURE, 0, 0, 127)], 8000)
     assert bends[2] == pytest.approx(0.4)  # both pressures together are no more than full
@@ -153,7 +153,7 @@ def test_pressure_is_for_its_channel_and_its_key(tense):
 
 def test_pressure_ends_with_the_key_and_with_a_reset():
     made = engine(preset("ringing", steel("C3-E3"), damping="ring_on = true", more="pressure_cents = 40.0"))
-    bend = made._state.sounding["bend"]
+    bend = made._sounding.expressions["bend"]
     for press in ((PRESSURE, 0, 0, 127), (KEY_PRESSURE, 0, 50, 127)):
         for end in ((NOTE_OFF, 0, 50), (CONTROL, 0, 121, 0), (CONTROL, 0, 123, 0), (*press[:3], 0)):
             made.reset()
@@ -175,10 +175,10 @@ def test_pressure_moves_the_bridge_within_its_range():
     made = engine(YIELDING)
     rows = [(0, NOTE_ON, 0, 43, 110), (6000, PRESSURE, 0, 0, 127)]
     out = play(made, rows, 20000)[:, 0]
-    assert made._state.sounding["height"][0] == pytest.approx(-30e-6)
+    assert made._sounding.expressions["height"][0] == pytest.approx(-30e-6)
     made.reset()
     play(made, [*rows, (6000, PARAMETER, 0, layout.HEIGHT, 0, -200.0)], 20000)
-    assert made._state.sounding["height"][0] == pytest.approx(-200e-6)
+    assert made._sounding.expressions["height"][0] == pytest.approx(-200e-6)
     made.reset()
     plain = play(made, rows[:1], 20000)[:, 0]
     assert click_ratios(out, np.arange(6000, 6800, 3)).max() < 1.2 * click_ratios(plain, np.arange(6000, 6800, 3)).max()
@@ -268,7 +268,7 @@ def test_a_members_bend_range_is_that_of_all(zone):
 def test_pressure_of_member_and_master(zone):
     zone.reset()
     play(zone, [(0, NOTE_ON, 1, 50, 100), (0, NOTE_ON, 2, 55, 100), (9, PRESSURE, 1, 0, 60), (9, PRESSURE, 0, 0, 30)], 8000)
-    bends = zone._state.sounding["bend"]
+    bends = zone._sounding.expressions["bend"]
     assert bends[2] == pytest.approx(0.4 * 90 / 127) and bends[G3] == pytest.approx(0.4 * 30 / 127)
 
 
@@ -276,7 +276,7 @@ def test_the_masters_pedal_level_program_and_reset_are_the_zones():
     table = np.full((16, 128), -1)
     table[0, 0], table[0, 1] = 0, 1
     made = engine(FREE, TENSE, program_map=table, mpe=True)
-    held = made._state.sounding["held"]
+    held = made._sounding.voices["held"]
     note = [(0, NOTE_ON, 3, 50, 100)]
     plain = play(made, note, 12000)
     made.reset()
@@ -293,9 +293,9 @@ def test_the_masters_pedal_level_program_and_reset_are_the_zones():
         [(0, CONTROL, 0, 64, 127), *note, (9, NOTE_ON, 4, 52, 100), (900, NOTE_OFF, 3, 50), (900, NOTE_OFF, 4, 52)],
         3000,
     )
-    assert not held.any() and not made._state.sounding["hand"].any()
+    assert not held.any() and not made._sounding.expressions["hand"].any()
     play(made, [(0, CONTROL, 0, 64, 0)], 300)
-    assert (made._state.sounding["hand"][[2, 4]] > 0.0).all()
+    assert (made._sounding.expressions["hand"][[2, 4]] > 0.0).all()
     # reset and silence on the master reach the members
     made.reset()
     play(made, [*note, (0, BEND, 3, 900), (0, PRESSURE, 3, 0, 90)], 400)
@@ -462,7 +462,7 @@ def test_spared_strings_fade_and_sleep_held_ones_do_not():
     made = engine(preset("long", steel("C3-E3"), damping="ring_on = true"))
     notes = [(0, NOTE_ON, 0, 48, 20), (0, NOTE_ON, 0, 50, 20), (6000, NOTE_OFF, 0, 48)]
     play(made, notes, 10000)
-    level = made._state.sounding["level"]
+    level = made._sounding.voices["level"]
     assert awake(made) == [0, 2] and level[0] > 1e-3
     assert made.spare == 0.0
     made.spare = float(2.0 * level.max())

@@ -92,10 +92,10 @@ def test_a_pull_off_moves_all_modes_again() -> None:
     rows = [(0, CONTROL, 0, 68, 127), (9, NOTE_ON, 0, 45, 20), (80_000, NOTE_ON, 0, 41, 20), (80_500, NOTE_OFF, 0, 45)]
     made = engine(NECK, precision="float64")
     play(made, rows, 79_968)
-    line = int(np.flatnonzero(made._state.sounding["note"] == 45)[0])
+    line = int(np.flatnonzero(made._sounding.voices["note"] == 45)[0])
     assert ends_of(made)[line].counts[coupling.RESTING] == 1
     play(made, [(row[0] - 79_968, *row[1:]) for row in rows[2:]], 128)
-    assert made._state.sounding["note"][line] == 41 and ends_of(made)[line].counts[coupling.RESTING] == 0
+    assert made._sounding.voices["note"][line] == 41 and ends_of(made)[line].counts[coupling.RESTING] == 0
     sound, whole = (played(NECK, rows, precision="float64", economy=economy)[1] for economy in (True, False))
     assert error(sound, whole) < PROMISED
 
@@ -114,9 +114,9 @@ def test_tables_that_waited_are_those_of_the_bend(line: int) -> None:
     assert end.counts[coupling.ENGAGED] == 0 and end.counts[coupling.DUE] == ALL_DUE
     ensure_tables(address_of(made), line, int(made._thread_table.ctypes.data))
     assert end.counts[coupling.DUE] == READY
-    model = made._strings.models[made._state.sounding["model"][line]]
+    model = made._strings.models[made._sounding.hands["model"][line]]
     own, n, contacts = made._strings.coefficients.items[line], model.modes, model.eta.size
-    ratio = 2.0 ** (made._state.sounding["bend"][line] / 12.0)
+    ratio = 2.0 ** (made._sounding.expressions["bend"][line] / 12.0)
     assert own.omega[0] == pytest.approx(ratio * model.omega[0], rel=1e-9) and ratio < 0.95
     step = coefficients(EXACT_HOLD, own.omega[:n], end.sigma[:n], model.mu, model.dt)
     rows = own.rows[: model.rows.size].reshape(model.rows.shape)
@@ -139,8 +139,8 @@ def test_a_bend_keeps_no_string_awake_to_its_frets() -> None:
     plain, bent = (played(NECK, rows, 2.0)[0] for rows in (soft, soft + WHEEL[:150]))
     for made in (plain, bent):
         assert not any(end.counts[coupling.ENGAGED] for end in ends_of(made))
-    assert bent._state.sounding["bend"].any()
-    steps = [int(made._state.sounding["mode_steps"].sum()) for made in (plain, bent)]
+    assert bent._sounding.expressions["bend"].any()
+    steps = [int(made._sounding.tallies["mode_steps"].sum()) for made in (plain, bent)]
     assert steps[1] < 1.1 * steps[0]
 
 
@@ -155,7 +155,7 @@ def test_a_certificate_that_outlives_a_bend_is_true() -> None:
         play(made, rows, layout.QUANTUM)
         at += layout.QUANTUM
         for line, end in enumerate(ends_of(made)):
-            contacts = made._strings.models[made._state.sounding["model"][line]].eta.size
+            contacts = made._strings.models[made._sounding.hands["model"][line]].eta.size
             if end.counts[coupling.ENGAGED] or contacts == 0 or not end.clearance[:contacts].any():
                 continue
             before = [array.copy() for array in (end.numbers, end.counts, end.clearance, end.bound)]

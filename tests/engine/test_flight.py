@@ -43,7 +43,7 @@ def test_every_output_flies(kind):
     where the output has more of such tones, a velocity (−68 dB) and a pickup (−80 dB)."""
     chosen = preset("free", steel("C3"), output=OUTPUTS[kind])
     a, b, made = both(chosen, [(0, NOTE_ON, 0, 48, 90)], 40000, internal_rate_hz=6 * RATE_HZ)
-    assert made._state.sounding["flying"][0] == 1
+    assert made._sounding.motions["flying"][0] == 1
     whole, low = worst(a, b)
     assert whole < {"velocity": 4e-4, "pickup": 1e-4}.get(kind, 3e-5), whole
     assert low < 6e-6, low
@@ -65,7 +65,7 @@ def test_touching_down_for_anything(change):
         events = [(0, NOTE_ON, 0, 48, 90), (frame, *change)]
         a, b, _ = both(chosen, events, 30000, internal_rate_hz=6 * RATE_HZ)
         _, _, before = both(chosen, events[:1], frame, internal_rate_hz=6 * RATE_HZ)
-        assert before._state.sounding["flying"][0] == 1
+        assert before._sounding.motions["flying"][0] == 1
         whole, low = worst(a, b)
         assert whole < 3e-5 and low < 6e-6, (frame, whole, low)
 
@@ -76,10 +76,10 @@ def test_changes_while_the_last_one_fades(monkeypatch):
     pluck = [(0, NOTE_ON, 0, 48, 90)]
     probe = engine(chosen, internal_rate_hz=4 * RATE_HZ)
     frames = 0
-    while not probe._state.sounding["flying"][0]:  # in blocks of a quantum, so that take-off is known to a quantum
+    while not probe._sounding.motions["flying"][0]:  # in blocks of a quantum, so that take-off is known to a quantum
         play(probe, pluck if frames == 0 else [], 32, 32)
         frames += 32
-    assert probe._state.sounding["fade_at"][0] == 32  # of a quantum that was computed a quantum ago
+    assert probe._sounding.motions["fade_at"][0] == 32  # of a quantum that was computed a quantum ago
     taken_off = frames - 2 * 32
     for offset in (1, 10, 25, 40):
         at = taken_off + offset
@@ -118,7 +118,7 @@ def test_a_raised_bridge_ends_flight():
     events = [(0, NOTE_ON, 0, 43, 12), (20000, PARAMETER, 0, HEIGHT, 0, 48.0)]
     a, b, made = both(low, events, 40000, internal_rate_hz=4 * RATE_HZ)
     _, _, before = both(low, events[:1], 20000, internal_rate_hz=4 * RATE_HZ)
-    assert before._state.sounding["flying"][0] == 1 and made._state.sounding["flying"][0] == 0
+    assert before._sounding.motions["flying"][0] == 1 and made._sounding.motions["flying"][0] == 0
     whole, _ = worst(a[:20000], b[:20000])
     assert whole < 3e-5, whole
     # contact makes more of the −90 dB that the change had cost

@@ -74,7 +74,7 @@ def second_direction_after(instrument: Preset, note: int) -> float:
     made: Engine = engine(instrument, precision="float64")
     play(made, [(0, NOTE_ON, 0, note, 127)], 44100)
     q, v = state_of(made, 1)
-    omega = made._strings.models[made._state.sounding["model"][1]].omega[: q.size]
+    omega = made._strings.models[made._sounding.hands["model"][1]].omega[: q.size]
     return float(np.sum(v**2 + (omega * q) ** 2))
 
 

@@ -65,10 +65,10 @@ def slipping(pluck: str, velocity: int = 127, seed: int = 0) -> np.ndarray:
     """The finger's force [N] at the end of every quantum in which it slips."""
     made = engine(one(pluck=pluck), seed=seed)
     begin(made, velocity=velocity)
-    me, out = made._state.sounding[0], []
-    while me["phase"] != layout.SLIP:
+    hand, out = made._sounding.hands[0], []
+    while hand["phase"] != layout.SLIP:
         play(made, [], QUANTUM, QUANTUM)
-    while me["phase"] == layout.SLIP:
+    while hand["phase"] == layout.SLIP:
         out.append(float(string_of(made, 0).finger[0]["push"]))
         play(made, [], QUANTUM, QUANTUM)
     return np.array(out)
@@ -189,7 +189,7 @@ def test_a_knock_follows_velocity_and_seed_and_has_an_end() -> None:
 def test_after_it_nothing_gains_energy() -> None:
     made = engine(pair("pair", KNOCK))
     play(made, [(0, NOTE_ON, 0, 43, 127)], 1024)
-    assert not made._state.sounding["knock_steps"].any() and coupling_of(made).knocked[0] == 0
+    assert not made._sounding.knocks["steps"].any() and coupling_of(made).knocked[0] == 0
     before = energy_together(made)
     for _ in range(40):
         play(made, [], QUANTUM, QUANTUM)
@@ -237,9 +237,9 @@ def test_a_hand_over_all_strings_ends_what_rings_along() -> None:
         play(made, [(0, NOTE_OFF, 0, 43, 0)], 8192)
         levels[others] = energy(made, 2) / rang
         if others:
-            assert made._state.sounding["hand"][2] > 0.0 and made._state.sounding["hand"][3] > 0.0
+            assert made._sounding.expressions["hand"][2] > 0.0 and made._sounding.expressions["hand"][3] > 0.0
             play(made, [(0, NOTE_ON, 0, 43, 110)], 512)
-            assert made._state.sounding["hand"][2] == 0.0  # the next stroke finds it free
+            assert made._sounding.expressions["hand"][2] == 0.0  # the next stroke finds it free
     assert levels["others_s = 0.15"] < 1e-4 < 0.2 < levels[""]
 
 
@@ -247,10 +247,10 @@ def test_a_hand_does_not_cover_strings_while_a_key_is_held() -> None:
     strings = steel("G2") + steel("C3") + steel("G3")
     made = engine(preset("three", strings, output=HEARD, more=MODES, damping="release_s = 0.1\nothers_s = 0.1"))
     play(made, [(0, NOTE_ON, 0, 43, 110), (0, NOTE_ON, 0, 48, 110), (4000, NOTE_OFF, 0, 43, 0)], 5000)
-    assert made._state.sounding["hand"].tolist() == [made._state.sounding["hand"][0], 0.0, 0.0]
-    assert made._state.sounding["hand"][0] > 0.0
+    assert made._sounding.expressions["hand"].tolist() == [made._sounding.expressions["hand"][0], 0.0, 0.0]
+    assert made._sounding.expressions["hand"][0] > 0.0
     play(made, [(0, NOTE_OFF, 0, 48, 0)], 500)
-    assert (made._state.sounding["hand"] > 0.0).all()
+    assert (made._sounding.expressions["hand"] > 0.0).all()
 
 
 def ended(more: str, seed: int = 0) -> np.ndarray:
@@ -286,11 +286,11 @@ def test_a_finger_that_leaves_its_fret_lets_the_open_string_be_heard() -> None:
     made = engine(neck("neck", LEAVES, damping="release_s = 0.4"))
     play(made, [(0, NOTE_ON, 0, 35, 60)], 40_000)
     assert place(made, 0)[1] == 7
-    model = bank_of(made).models[made._state.sounding["model"][0]]
+    model = bank_of(made).models[made._sounding.hands["model"][0]]
     before, depth = energy(made, 0), -float(model["rest_height"])
     play(made, [(0, NOTE_OFF, 0, 35, 0)], 2 * QUANTUM, QUANTUM)
     assert place(made, 0)[1] == 0
-    opened = bank_of(made).models[made._state.sounding["model"][0]]
+    opened = bank_of(made).models[made._sounding.hands["model"][0]]
     share = float(model["length"] / opened["length"])
     assert string_of(made, 0).finger_weights[0] == pytest.approx(
         np.sqrt(2.0 / opened["length"]) * np.sin(np.pi * (1.0 - share)), rel=1e-3
@@ -364,7 +364,7 @@ def test_neither_blocks_nor_threads_nor_a_state_matter(name: str) -> None:
 
 
 def quiet(made: Engine) -> bool:
-    return not made._state.sounding["awake"].any()
+    return not made._sounding.voices["awake"].any()
 
 
 @pytest.mark.parametrize("name", ALL)
@@ -375,4 +375,4 @@ def test_it_falls_silent(name: str) -> None:
         if quiet(made):
             break
         play(made, [], 8192)
-    assert quiet(made) and all(np.abs(state_of(made, s)[0]).max() == 0.0 for s in range(len(made._state.sounding)))
+    assert quiet(made) and all(np.abs(state_of(made, s)[0]).max() == 0.0 for s in range(made._sounding.voices.size))

@@ -77,6 +77,6 @@ def test_none_flies_before_all_are_free(request):
         play(made, rows, 5500)
         loud, soft = awake(made)
         assert not string_of(made, loud).counts[FREE]
-        flying.append(bool(made._state.sounding["flying"][soft]))
+        flying.append(bool(made._sounding.motions["flying"][soft]))
         request.getfixturevalue("together")
     assert flying == [True, False]

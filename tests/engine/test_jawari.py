@@ -57,7 +57,7 @@ def all_energy(made: Engine, of: Preset) -> float:
     """Of the first string and the layer under it, or of all strings and the body that they share."""
     if of is SITAR:
         return float(coupling.energy_of(made._strings.bridges.coupling_tables[0].ctypes.data))
-    layers = held_by_layers(made._shared.model_at[made._state.sounding["model"][0], layout.PLAIN], made._shared.string_at[0])
+    layers = held_by_layers(made._shared.model_at[made._sounding.hands["model"][0], layout.PLAIN], made._shared.string_at[0])
     return energy(made, 0) + layers
 
 

@@ -49,7 +49,7 @@ def test_the_glide_is_the_whole_equations_less_half_of_the_modes_own_share(place
     """1/(1 + p/2), p the first mode's share of the mean stretch: the parts that docs/tension-and-contacts.md states."""
     made = engine(ALONE.with_setting("pluck.position", str(place)).with_setting("pluck.displacement_mm", "2"))
     play(made, [(0, NOTE_ON, 0, 43, 127)], 1024)
-    place_of, model = bank_of(made).models[made._state.sounding["model"][0]], model_of(made, 0)
+    place_of, model = bank_of(made).models[made._sounding.hands["model"][0]], model_of(made, 0)
     length, n = float(place_of["length"]), int(place_of["own"])
     q, v = (each[:n].copy() for each in state_of(made, 0))
     begun = shares(q, v, model.omega[:n])[0]

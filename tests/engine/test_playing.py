@@ -39,7 +39,7 @@ def places(made) -> list[tuple[str, int]]:
 
 
 def sound(made) -> list[int]:
-    return sorted(int(n) for n in made._state.sounding["note"][awake(made)])
+    return sorted(int(n) for n in made._sounding.voices["note"][awake(made)])
 
 
 # --- string allocation ------------------------------------------------------------------------------------------------
@@ -75,9 +75,9 @@ def test_two_notes_never_share_a_string(neck):
         strings = awake(neck)
         assert len(strings) == 3 and sound(neck) == sorted(chord)
         for s in strings:  # and stopped where that note is
-            model = neck._state.sounding["model"][s]
+            model = neck._sounding.hands["model"][s]
             position = neck._bank.positions[neck._bank.positions["model"] == model][0]
-            assert position["note"] == neck._state.sounding["note"][s]
+            assert position["note"] == neck._sounding.voices["note"][s]
 
 
 def test_a_fifth_note_takes_a_string_over(neck):
@@ -114,7 +114,7 @@ def test_legato_stays_on_the_string(neck):
     assert places(neck) == [("E1", 5)]
     play(neck, [(0, NOTE_OFF, 0, 31), (10, NOTE_ON, 0, 28, 100)], 4000)
     assert places(neck) == [("E1", 0)]
-    assert neck._state.sounding["held"][awake(neck)[0]]
+    assert neck._sounding.voices["held"][awake(neck)[0]]
     play(neck, [(0, CONTROL, 0, 68, 0), (10, NOTE_ON, 0, 33, 100)], 4000)
     assert ("A1", 0) in places(neck)
 
@@ -125,9 +125,9 @@ def test_alike_strings_alternate(bridge):
     assert places(bridge) == [("Sa 1", 0)]
     play(bridge, [(0, NOTE_ON, 0, 48, 80)], 1000)
     assert places(bridge) == [("Sa 1", 0), ("Sa 2", 0)]
-    before = bridge._state.sounding["plucked_at"].copy()
+    before = bridge._sounding.voices["plucked_at"].copy()
     play(bridge, [(0, NOTE_ON, 0, 48, 80)], 1000)
-    after = bridge._state.sounding["plucked_at"]
+    after = bridge._sounding.voices["plucked_at"]
     assert after[1] > before[1] and after[2] == before[2]
 
 
@@ -173,14 +173,14 @@ def test_trill_keeps_the_limit_and_a_stolen_note_off_does_not_slow_the_cut():
     made = engine(FREE, max_polyphony=1)
     events = [(700 * k, NOTE_ON, 0, 48 + 2 * (k % 2), 100) for k in range(20)]
     play(made, events, 700 * 20)
-    rows = made._state.sounding
+    rows = made._sounding.voices
     assert int(np.sum((rows["awake"] == 1) & (rows["stolen"] == 0))) == 1
     made.reset()
     play(made, [(0, NOTE_ON, 0, 48, 100), (5000, NOTE_ON, 0, 50, 100)], 5100)
-    (stolen,) = np.flatnonzero(made._state.sounding["stolen"])
-    hand = made._state.sounding["hand"][stolen]
+    (stolen,) = np.flatnonzero(made._sounding.voices["stolen"])
+    hand = made._sounding.expressions["hand"][stolen]
     play(made, [(0, NOTE_OFF, 0, 48)], 100)
-    assert made._state.sounding["hand"][stolen] == hand > 0.0
+    assert made._sounding.expressions["hand"][stolen] == hand > 0.0
 
 
 # --- notes ------------------------------------------------------------------------------------------------------------
@@ -211,7 +211,7 @@ def test_note_off_damps_as_asked():
 def test_release_parameter_scales_the_damping(free):
     free.reset()
     play(free, [(0, PARAMETER, 0, layout.RELEASE, 0, 4.0), (0, NOTE_ON, 0, 50, 110), (5000, NOTE_OFF, 0, 50)], 6000)
-    assert free._state.sounding["hand"][2] == pytest.approx(math.log(1000.0) / 0.8)
+    assert free._sounding.expressions["hand"][2] == pytest.approx(math.log(1000.0) / 0.8)
 
 
 def test_a_note_off_counts_from_its_frame_on(free):
@@ -258,18 +258,18 @@ def test_sustain_holds_and_lets_go(free):
     free.reset()
     events = [(0, CONTROL, 0, 64, 127), (10, NOTE_ON, 0, 50, 110), (3000, NOTE_OFF, 0, 50)]
     play(free, events, 10000)
-    assert free._state.sounding["hand"][2] == 0.0
+    assert free._sounding.expressions["hand"][2] == 0.0
     play(free, [(0, CONTROL, 0, 64, 63)], 40000)
     assert free.silent
     free.reset()  # pedal up while the key is down
     play(free, [(0, CONTROL, 0, 64, 127), (10, NOTE_ON, 0, 50, 110), (3000, CONTROL, 0, 64, 0)], 5000)
-    assert free._state.sounding["hand"][2] == 0.0
+    assert free._sounding.expressions["hand"][2] == 0.0
 
 
 def test_ring_on_rings_on(bridge):
     bridge.reset()
     play(bridge, [(0, NOTE_ON, 0, 43, 110), (2000, NOTE_OFF, 0, 43)], 30000)
-    assert bridge._state.sounding["hand"][0] == 0.0 and not bridge.silent
+    assert bridge._sounding.expressions["hand"][0] == 0.0 and not bridge.silent
     play(bridge, [(0, CONTROL, 0, 123, 0)], 5000)
     assert not bridge.silent
     play(bridge, [(0, CONTROL, 0, 120, 0)], 20000)
@@ -289,9 +289,9 @@ def test_velocity_is_monotone(free):
 def test_all_notes_off_heeds_the_pedal(free):
     free.reset()
     play(free, [(0, CONTROL, 0, 64, 127), (1, NOTE_ON, 0, 50, 100), (3000, CONTROL, 0, 123, 0)], 5000)
-    assert free._state.sounding["hand"][2] == 0.0
+    assert free._sounding.expressions["hand"][2] == 0.0
     play(free, [(0, CONTROL, 0, 64, 0)], 100)
-    assert free._state.sounding["hand"][2] > 0.0
+    assert free._sounding.expressions["hand"][2] > 0.0
 
 
 def test_all_sound_off_cuts_without_a_click(free):
@@ -388,7 +388,7 @@ def test_bend_glides_and_comes_back(free):
     assert abs(cents(sounding_fundamental(bent, RATE_HZ, 220.0), start) - 200.0) < 1.0
     assert abs(cents(sounding_fundamental(after, RATE_HZ, 196.0), start)) < 0.5
     assert click_ratios(out, np.concatenate([np.arange(9000, 9800, 3), np.arange(20000, 20800, 3)])).max() < CLICK
-    assert free._state.sounding["bend"][5] == 0.0
+    assert free._sounding.expressions["bend"][5] == 0.0
 
 
 def test_reset_all_controllers(free):
@@ -405,7 +405,7 @@ def test_reset_all_controllers(free):
     channel = free._state.channels[0]
     assert channel["expression"] == 1.0 and channel["bend"] == 0.0 and channel["sustain"] == 0 and channel["legato"] == 0
     assert channel["volume"] == pytest.approx(0.25)  # stays, by the recommended practice
-    assert free._state.sounding["hand"][2] > 0.0  # the pedal let go
+    assert free._sounding.expressions["hand"][2] > 0.0  # the pedal let go
 
 
 # --- programs ---------------------------------------------------------------------------------------------------------
@@ -419,9 +419,9 @@ def test_program_change_moves_new_notes_only():
     strings = bank_of(made).strings["part"][awake(made)]
     assert sorted(strings) == [0, 1]
     old = awake(made)[0]
-    assert made._state.sounding["hand"][old] == 0.0
+    assert made._sounding.expressions["hand"][old] == 0.0
     play(made, [(0, NOTE_OFF, 0, 50)], 100)
-    assert made._state.sounding["hand"][old] > 0.0
+    assert made._sounding.expressions["hand"][old] > 0.0
     play(made, [(0, PROGRAM, 0, 99), (5, NOTE_ON, 0, 50, 100)], 100)
     assert made.report().unplayed[-1].reason == "its channel has no preset"
 
@@ -433,7 +433,7 @@ def test_parts_keep_their_channels_apart():
     assert np.abs(stems[0, 4000:]).max() > 1e-2
     assert np.abs(stems[1, 5000:]).max() < 2e-3 * np.abs(stems[0, 5000:]).max()
     play(made, [(0, NOTE_OFF, 0, 50)], 100)
-    assert [bool(made._state.sounding["hand"][s]) for s in awake(made)] == [True, False]
+    assert [bool(made._sounding.expressions["hand"][s]) for s in awake(made)] == [True, False]
 
 
 # --- limiter ----------------------------------------------------------------------------------------------------------

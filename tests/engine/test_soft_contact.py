@@ -119,11 +119,11 @@ def test_a_string_pressed_into_a_layer_rests_there() -> None:
         made = engine(soft)
         play(made, [(0, PARAMETER, 0, 5, 0, height_um)], 22050)
         play(made, [(0, NOTE_ON, 0, 43, 1)], 64)
-        me, model = made._state.sounding[0], model_of(made, 0)
-        response = float(bank_of(made).models["static_response"][me["model"]])
+        sounding, model = made._sounding, model_of(made, 0)
+        response = float(bank_of(made).models["static_response"][sounding.hands["model"][0]])
         height = float(model.eta[0]) + 1e-6 * height_um
         force = max(height / (response + 1.0 / 30e3), (height - 8e-6) / response)
-        assert me["lift"] == pytest.approx(force, rel=1e-9)
+        assert sounding.motions["lift"][0] == pytest.approx(force, rel=1e-9)
         assert force < height / response
         q, _ = state_of(made, 0)
         rest = model.shapes[0, : q.size] * force / (model.mu * model.omega[: q.size] ** 2)

@@ -219,7 +219,7 @@ def models(made) -> dict[int, int]:
 
 def line(made) -> tuple[np.ndarray, np.ndarray, float]:
     """Displacement from the open line and velocity at places before the saddle, and the force on the bridge."""
-    model = made._bank.models[made._state.sounding["model"][0]]
+    model = made._bank.models[made._sounding.hands["model"][0]]
     q, v = state_of(made, 0)
     xi = np.linspace(0.005, 0.4, 40)
     k = np.arange(1, q.size + 1) * math.pi / model["length"]
@@ -270,18 +270,18 @@ def test_hammer_on_is_continuous_and_takes_no_more_than_the_hand_gives(neck, fre
     before = energy(neck, 0)
     neck.reset()
     until_state_at(neck, [*legato, first, second], start + 32)
-    row = neck._state.sounding[0]
+    row = neck._sounding.strokes[0]
     stroke = float(row["finger_to"] - row["finger_from"])
     alone = float(row["finger_to"])
     neck.reset()
     out = until_state_at(neck, [*legato, first, second], start + press)
-    assert neck._state.sounding["model"][0] == models(neck)[frets[1]]
+    assert neck._sounding.hands["model"][0] == models(neck)[frets[1]]
     after = energy(neck, 0)
     # the same on a string at rest
     neck.reset()
     until_state_at(neck, [*legato, quiet, first, (32, NOTE_ON, 0, 43 + frets[1], 90)], 32 + press)
     at_rest = energy(neck, 0)
-    assert neck._state.sounding["model"][0] == models(neck)[frets[1]]
+    assert neck._sounding.hands["model"][0] == models(neck)[frets[1]]
     assert math.sqrt(after) <= 1.02 * (math.sqrt(before) + math.sqrt(at_rest) * abs(stroke / alone))
     neck.reset()
     out = play(neck, [*legato, first, second], 12000)
@@ -295,7 +295,7 @@ def test_there_and_back_is_the_same(neck):
     place = models(neck)
     neck.reset()
     until_state_at(neck, [(0, NOTE_ON, 0, 48, 90)], 3200)
-    assert neck._state.sounding["model"][0] == place[5]
+    assert neck._sounding.hands["model"][0] == place[5]
     q, v = state_of(neck, 0)
     low = np.arange(1, 7)
     q[:], v[:] = 0.0, 0.0

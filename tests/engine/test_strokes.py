@@ -75,19 +75,19 @@ def begin(made: Engine, note: int = 43, velocity: int = 127) -> None:
 def test_the_force_of_a_finger_fades_as_half_a_cosine(scheme: str) -> None:
     made = engine(one(pluck="draw_ms = 5\nslip_ms = 20"), scheme=scheme, internal_rate_hz=88200.0)
     begin(made)
-    me = made._state.sounding[0]
-    while me["phase"] != layout.SLIP:
+    hand, stroke = made._sounding.hands[0], made._sounding.strokes[0]
+    while hand["phase"] != layout.SLIP:
         play(made, [], QUANTUM, QUANTUM)
-    start = me["finger_from"] * 1e-3  # of a spring of 1e-3 N/m
+    start = stroke["finger_from"] * 1e-3  # of a spring of 1e-3 N/m
     assert start > 0.1  # N
     unit = 1.0 if scheme == "exact-hold" else 88200.0
-    steps = me["finger_steps"]
+    steps = stroke["finger_steps"]
     assert steps == 2 * round(0.020 * RATE_HZ)
     for _ in range(20):
         play(made, [], QUANTUM, QUANTUM)
-        if me["phase"] != layout.SLIP:
+        if hand["phase"] != layout.SLIP:
             break
-        wanted = 0.5 * start * (1.0 + math.cos(math.pi * me["finger_step"] / steps))
+        wanted = 0.5 * start * (1.0 + math.cos(math.pi * stroke["finger_step"] / steps))
         assert string_of(made, 0).finger[0]["push"] * unit == pytest.approx(wanted, rel=1e-4, abs=2e-5 * start)
 
 
@@ -138,7 +138,7 @@ def twice(instrument: Preset, **more: int) -> tuple[np.ndarray, np.ndarray]:
     """The same note twice, each from silence."""
     made = engine(instrument, **more)
     first = play(made, [(0, NOTE_ON, 0, 43, 90), (9000, NOTE_OFF, 0, 43, 0)], 44032)
-    assert not made._state.sounding["awake"].any()
+    assert not made._sounding.voices["awake"].any()
     return first, play(made, [(0, NOTE_ON, 0, 43, 90), (9000, NOTE_OFF, 0, 43, 0)], 44032)
 
 
@@ -224,16 +224,16 @@ def test_a_mass_that_is_thrown_bounces_as_it_should(mass_g: float, speed: float)
     way = NORMAL + f'stroke = "throw"\nmass_g = {mass_g}\nspeed_m_s = {speed}\nstiffness_n_mm = 20\nposition = 0.2\n'
     made = engine(one(way), quality="reference")
     begin(made)
-    me = made._state.sounding[0]
+    hand, stroke = made._sounding.hands[0], made._sounding.strokes[0]
     play(made, [], QUANTUM, QUANTUM)
-    assert me["phase"] == layout.HIT
+    assert hand["phase"] == layout.HIT
     seconds, after, given = exact_throw(made, 1e-3 * mass_g, -speed)
     quanta = 1
-    while me["phase"] == layout.HIT:
+    while hand["phase"] == layout.HIT:
         play(made, [], QUANTUM, QUANTUM)
         quanta += 1
     assert seconds == pytest.approx(quanta * QUANTUM / RATE_HZ, abs=2.0 * QUANTUM / RATE_HZ)
-    assert me["thrown"] == pytest.approx(after, abs=0.02 * speed)
+    assert stroke["thrown"] == pytest.approx(after, abs=0.02 * speed)
     assert energy(made, 0) == pytest.approx(given, rel=0.05)
     assert given < 0.5e-3 * mass_g * speed**2  # it has what the mass has lost, less what the flesh took
 
@@ -259,8 +259,8 @@ def test_a_touch_damps_as_a_dashpot_there_does() -> None:
     made = engine(one(NORMAL + "touch = { place = 0.3, width_mm = 8, resistance = 0.7 }"), quality="reference")
     begin(made)
     play(made, [], 32 * QUANTUM, QUANTUM)
-    me, string, model = made._state.sounding[0], string_of(made, 0), model_of(made, 0)
-    assert me["phase"] == layout.TOUCHED
+    hand, string, model = made._sounding.hands[0], string_of(made, 0), model_of(made, 0)
+    assert hand["phase"] == layout.TOUCHED
     resistance = float(string.finger[0]["resistance"])
     assert resistance == pytest.approx(0.7 * bank_of(made).strings["impedance"][0], rel=1e-12)
     n = int(model.modes)
@@ -298,7 +298,7 @@ def test_a_release_damps_the_high_partials_first() -> None:
     fall = partials(out, 1000, 6, hz) - partials(out, 9000, 6, hz)
     assert fall[0] < fall[1] < fall[2] < fall[4]
     play(made, [], 4 * 44100)
-    assert not made._state.sounding["awake"].any()
+    assert not made._sounding.voices["awake"].any()
 
 
 ALL = {
@@ -351,7 +351,7 @@ def test_neither_blocks_nor_threads_nor_a_state_matter(name: str) -> None:
 def test_a_touch_gives_no_energy_to_strings_that_share_a_body(name: str) -> None:
     made = engine(ALL[name])
     play(made, rows_of(name)[:2], 2400)
-    assert set(made._state.sounding["phase"]) <= {layout.NO_FINGER, layout.TOUCHED}
+    assert set(made._sounding.hands["phase"]) <= {layout.NO_FINGER, layout.TOUCHED}
     before = energy_together(made)
     for _ in range(150):
         play(made, [], QUANTUM)

@@ -24,7 +24,7 @@ STRUMMED = ({"key": 10}, {"key": 11, "strum_s": 0.02})
 
 def way(fake: Fake, note: int, velocity: int = 100, channel: int = 0) -> int:
     """The articulation that a note is played with, counted within its part."""
-    voices = fake.me.sounding
+    voices = fake.me.voices
     ((_, k, _),) = [row for row in fake.on(note, channel, velocity) if row[0] == "pluck"]
     s = fake.me.positions["string"][k]
     return int(voices["articulation"][s] - fake.me.parts["first_articulation"][fake.me.strings["part"][s]])
@@ -157,11 +157,11 @@ def test_harmonics_of_a_chord_lie_on_different_strings():
 
 
 def waits(fake: Fake, *notes: int, frame: int = 0) -> list[int]:
-    """SOUNDING.wait as every string is asked to be plucked with it last."""
+    """HAND.wait as every string is asked to be plucked with it last."""
     for note in notes:
         fake.me.event[0] = (frame, NOTE_ON, 0, note, 100, 0.0)
         fake._policy.ctypes(fake.address)
-    return fake.strings("wait")
+    return fake.me.hands["wait"].tolist()
 
 
 @pytest.mark.parametrize("order", [(28, 33, 38, 43), (43, 38, 33, 28), (38, 28, 43, 33)])
@@ -192,10 +192,10 @@ def test_what_has_begun_to_sound_is_not_put_off():
     waits(fake, 43, frame=1000)
     assert waits(fake, 28, frame=1010) == [0, 0, 0, 0]  # the G string has been struck
     assert waits(fake, 33, frame=1012) == [0, 8, 0, 0]  # its turn is the second, at 1020
-    fake.me.sounding["phase"][1] = WAIT
-    fake.me.sounding["wait"][1] = 0  # taken over by the string
+    fake.me.hands["phase"][1] = WAIT
+    fake.me.hands["wait"][1] = 0  # taken over by the string
     waits(fake, 38, frame=1014)
-    assert fake.strings("wait")[2] == 26  # third, at 1040
+    assert fake.me.hands["wait"][2] == 26  # third, at 1040
 
 
 def test_notes_further_apart_are_no_chord():
@@ -292,4 +292,4 @@ def test_what_slides_is_not_pulled():
     fake.control(68, 127)
     fake.on(30)
     assert [action for action, *_ in fake.on(33)] == ["slur"]
-    assert fake.strings("phase")[0] == NO_FINGER and fake.send(NOTE_OFF, 0, 40) == []
+    assert fake.me.hands["phase"][0] == NO_FINGER and fake.send(NOTE_OFF, 0, 40) == []

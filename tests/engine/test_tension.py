@@ -100,7 +100,7 @@ def test_the_glide_is_that_of_the_mean_stretch(displacement_mm: float, glide: fl
     """Against T = T₀ + EA/4 Σ (jπ/L)² a_j²/2, to within what the steps of the tension and the decay in a window come to."""
     made = engine(ALONE.with_setting("pluck.displacement_mm", str(displacement_mm)))
     play(made, [(0, NOTE_ON, 0, 43, 127)], 1024)
-    place, model = bank_of(made).models[made._state.sounding["model"][0]], model_of(made, 0)
+    place, model = bank_of(made).models[made._sounding.hands["model"][0]], model_of(made, 0)
     length, n, frames = float(place["length"]), int(place["own"]), 64 * layout.QUANTUM
     glides = []
     for _ in range(4):
@@ -117,23 +117,23 @@ def test_the_glide_is_that_of_the_mean_stretch(displacement_mm: float, glide: fl
 
 def whole(made: Engine) -> float:
     """Energy of strings that are stretched [J]: E − (T − T₀)² L/(2EA), see `tension`."""
-    sounding, bank = made._state.sounding, bank_of(made)
+    sounding, bank = made._sounding, bank_of(made)
     if bank.instruments["body"][0] >= 0:
         total = float(coupling.energy_of(made._strings.bridges.coupling_tables[0].ctypes.data))
     else:
-        total = sum(energy_now(made, s) for s in range(sounding.size) if sounding["awake"][s])
-    for s in range(sounding.size):
+        total = sum(energy_now(made, s) for s in range(sounding.voices.size) if sounding.voices["awake"][s])
+    for s in range(sounding.voices.size):
         stiffness = float(bank.strings["axial_stiffness"][s])
-        if stiffness > 0.0 and sounding["awake"][s]:
-            model = bank.models[sounding["model"][s]]
-            total -= (sounding["rise"][s] * model["tension"]) ** 2 * model["length"] / (2.0 * stiffness)
+        if stiffness > 0.0 and sounding.voices["awake"][s]:
+            model = bank.models[sounding.hands["model"][s]]
+            total -= (sounding.expressions["rise"][s] * model["tension"]) ** 2 * model["length"] / (2.0 * stiffness)
     return total
 
 
 def energy_now(made: Engine, s: int) -> float:
     """½ μ Σ (v² + ω² q²) with the coefficients that string s has now, and what the compliance of its contacts holds [J]."""
     q, v = state_of(made, s)
-    if not made._state.sounding["altered"][s]:
+    if not made._sounding.motions["altered"][s]:
         return energy(made, s)
     omega = made._strings.coefficients.items[s].omega[: q.size]
     force, residual = made._strings.states.items[s].force, model_of(made, s).residual
@@ -146,15 +146,15 @@ def test_no_step_of_the_tension_feeds_the_string(instrument: Preset) -> None:
     made = engine(instrument)
     rows = ROWS.get(instrument.name, [(0, NOTE_ON, 0, 43, 127)])
     play(made, [row for row in rows if row[1] == NOTE_ON and row[0] < 1000], 2048)
-    assert made._state.sounding["rise"].max() > 10.0 * LEAST_RISE
+    assert made._sounding.expressions["rise"].max() > 10.0 * LEAST_RISE
     first = before = whole(made)
     steps = 0
     for _ in range(400):
-        was = made._state.sounding["rise"].copy()
+        was = made._sounding.expressions["rise"].copy()
         play(made, [], layout.QUANTUM)
         now = whole(made)
         assert now <= before * (1.0 + 1e-12)
-        steps += int(not np.array_equal(was, made._state.sounding["rise"]))
+        steps += int(not np.array_equal(was, made._sounding.expressions["rise"]))
         before = now
     assert steps > 5
     assert before < 0.95 * first
@@ -171,7 +171,7 @@ def test_neither_blocks_nor_threads_nor_a_state_matter(instrument: Preset) -> No
     for at in (517, 2304):
         made = engine(instrument)
         play(made, [row for row in rows if row[0] < at], at)
-        assert made._state.sounding["rise"].max() > 0.0
+        assert made._sounding.expressions["rise"].max() > 0.0
         other = engine(instrument)
         play(other, [(0, NOTE_ON, 0, 33 if instrument in (NECK, TWO) else 43, 127)], 700)
         go_on_from(other, what_sounds(made))
@@ -186,15 +186,15 @@ def test_a_string_that_moves_little_flies_and_sleeps_as_ever() -> None:
     soft = preset("soft", steel("C5") + STRETCHED, obstacle=high, damping="release_s = 0.1")
     made = engine(soft)
     play(made, [(0, NOTE_ON, 0, 72, 127)], 1024)
-    assert made._state.sounding["altered"][0] == 1
+    assert made._sounding.motions["altered"][0] == 1
     for _ in range(40):
         play(made, [], 4096)
-        if made._state.sounding["rise"][0] == 0.0:
+        if made._sounding.expressions["rise"][0] == 0.0:
             break
-    assert made._state.sounding["flying"][0] == layout.FLYING
-    assert made._state.sounding["rise"][0] == 0.0 and made._state.sounding["altered"][0] == 0
+    assert made._sounding.motions["flying"][0] == layout.FLYING
+    assert made._sounding.expressions["rise"][0] == 0.0 and made._sounding.motions["altered"][0] == 0
     play(made, [(0, NOTE_OFF, 0, 72)], 66150)
-    assert made._state.sounding["awake"][0] == 0
+    assert made._sounding.voices["awake"][0] == 0
 
 
 def test_a_neighbour_without_it_sounds_as_ever() -> None:

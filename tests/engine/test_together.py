@@ -124,9 +124,9 @@ def test_strings_and_body_move_as_their_complex_modes() -> None:
     made = engine(OPEN)
     play(made, [(0, NOTE_ON, 0, 43, 100)], 2048)
     body, strings = coupling_of(made), made._strings.states.items
-    models = [made._strings.models[m] for m in made._state.sounding["model"]]
+    models = [made._strings.models[m] for m in made._sounding.hands["model"]]
     modes = tuple(BodyMode(mode.frequency_hz, mode.q, mode.mass_kg, mode.shape) for mode in OPEN.body.mode)
-    constants = bank_of(made).models[made._state.sounding["model"]]
+    constants = bank_of(made).models[made._sounding.hands["model"]]
     counts = [int(end.counts[coupling.APART_MODES]) for end in made._strings.bridges.ends.items]
     lines = tuple(
         Line(each["length"], each["tension"], model.mu, model.omega[:n], model.sigma[:n], np.ones(1))

@@ -158,15 +158,15 @@ def test_its_swing_raises_the_tension():
     )
     play(made, [(0, NOTE_ON, 0, 33, 127)], 4000)
     q, v = state_of(made, 1)
-    model = bank_of(made).models[made._state.sounding["model"][1]]
+    model = bank_of(made).models[made._sounding.hands["model"][1]]
     omega = made.compiled[0].strings[0].positions[0].omega
     k = np.pi * np.arange(1, q.size + 1) / model["length"]
     stiffness = bank_of(made).strings["axial_stiffness"][0]
     rise = stiffness / (4.0 * model["length"] * model["tension"]) * float(np.sum(k**2 * (q**2 + (v / omega[: q.size]) ** 2)))
     assert rise > 1e-3
     assert (
-        made._state.sounding["bend"][0]
-        == made._state.sounding["bend"][1]
+        made._sounding.expressions["bend"][0]
+        == made._sounding.expressions["bend"][1]
         == pytest.approx(6 * math.log2(1 + rise), rel=0.02)
     )
     assert np.abs(state_of(made, 0)[0]).max() < 1e-12

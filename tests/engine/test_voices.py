@@ -40,7 +40,7 @@ def test_the_quietest_yields_and_of_equals_the_one_plucked_first():
     fake = Fake(HARP, polyphony=3)
     for note in (61, 60, 62):
         fake.on(note)
-    fake.me.sounding["level"][:3] = 0.5, 0.5, 0.1
+    fake.me.voices["level"][:3] = 0.5, 0.5, 0.1
     assert fake.on(63) == [("cut", 2, 0), ("pluck", 3, 100)]
     assert fake.strings("stolen") == [0, 0, 1, 0, 0] and fake.strings("held") == [1, 1, 0, 1, 0]
     assert fake.on(64) == [("cut", 1, 0), ("pluck", 4, 100)]
@@ -62,7 +62,7 @@ def test_one_that_sleeps_makes_room_and_one_that_is_stolen_makes_none_twice():
     assert fake.strings("stolen") == [1, 0, 0, 0, 0]
     assert fake.on(60) == [("cut", 1, 0), ("pluck", 0, 100)]  # comes back: no longer stolen
     assert fake.strings("stolen") == [0, 1, 0, 0, 0]
-    fake.me.sounding["awake"][2] = 0
+    fake.me.voices["awake"][2] = 0
     assert fake.on(63) == [("pluck", 3, 100)]
 
 
@@ -85,12 +85,12 @@ def test_a_note_is_plucked_again_where_it_sounds_wherever_the_hand_is():
 def test_a_note_belongs_to_the_string_that_is_being_pressed_to_it():
     fake = Fake(NECK)
     fake.on(28)
-    voice = fake.me.sounding[0]
-    voice["phase"], voice["pending_model"] = PRESS, 7
+    hand = fake.me.hands[0]
+    hand["phase"], hand["pending_model"] = PRESS, 7
     fake.me.part_state["hand"] = 0
     assert fake.plucked(35) == (0, 7)
-    fake.me.sounding["phase"][0] = 0
-    fake.me.sounding["model"][0] = 0
+    fake.me.hands["phase"][0] = 0
+    fake.me.hands["model"][0] = 0
     fake.me.part_state["hand"] = 0
     assert fake.plucked(35) == (1, 2)
 
@@ -325,7 +325,7 @@ def test_a_parameter_waits_for_what_a_finger_has_yet_to_read():
     fake = Fake(HARP)
     fake.on(60)
     fake.on(61)
-    fake.me.sounding["phase"][1] = 2
+    fake.me.hands["phase"][1] = 2
     fake.went_on.clear()
     fake.send(PARAMETER, 0, GAIN, value=3.0)
     assert fake.went_on == []
@@ -390,11 +390,10 @@ EVENTS = st.lists(
 def played(events: list[tuple[int, int, int, int]]) -> Fake:
     """What has been played; after every event there are no more voices than allowed, and every note is accounted for."""
     fake = Fake(NECK, HARP, polyphony=4)
-    fake.me.sounding["level"] = 1.0
+    fake.me.voices["level"] = 1.0
     for kind, c, a, b in events:
         if kind == SLEEPS:
-            for field in ("awake", "stolen", "phase"):
-                fake.me.sounding[field][c] = 0
+            fake.me.voices["awake"][c] = fake.me.voices["stolen"][c] = fake.me.hands["phase"][c] = 0
             continue
         unplayed, notes = int(fake.me.unplayed.sum()), fake.count(N_NOTES)
         asked = fake.send(kind, c, a, b)
@@ -403,10 +402,10 @@ def played(events: list[tuple[int, int, int, int]]) -> Fake:
             assert fake.count(N_NOTES) == notes + 1
             assert len(begun) + int(fake.me.unplayed.sum()) - unplayed == 1
             assert all(fake.me.positions["note"][k] == a for k in begun)
-            assert all(fake.me.sounding["note"][fake.place(k)[0]] == a for k in begun)
+            assert all(fake.me.voices["note"][fake.place(k)[0]] == a for k in begun)
         else:
             assert not begun
-        sounding = fake.me.sounding[(fake.me.sounding["awake"] == 1) & (fake.me.sounding["stolen"] == 0)]
+        sounding = fake.me.voices[(fake.me.voices["awake"] == 1) & (fake.me.voices["stolen"] == 0)]
         assert len(sounding) <= 4
     return fake
 
@@ -427,7 +426,7 @@ def test_all_notes_off_and_pedals_up_and_nothing_is_held(events, pedals_first):
         for controller in controllers:
             for c in range(16):
                 fake.control(controller, 0, c)
-    assert not fake.me.sounding["held"].any() and not fake.me.sounding["sustained"].any()
+    assert not fake.me.voices["held"].any() and not fake.me.voices["sustained"].any()
 
 
 @given(EVENTS)

@@ -68,8 +68,8 @@ class Fake:
             given = {"key": -1, "controller": -1, "soft": 1 if mine == 0 else 128, "hard": 127 if mine == 0 else 128}
             for field, value in {**given, **articulations[mine]}.items():
                 way[field] = value
-        me.sounding["articulation"] = me.parts["first_articulation"][me.strings["part"]]
-        me.sounding["glide_to"] = -1
+        me.voices["articulation"] = me.parts["first_articulation"][me.strings["part"]]
+        me.hands["glide_to"] = -1
         me.program_map[:] = 0 if len(parts) == 1 else np.minimum(np.arange(16), len(parts))[:, None]
         me.program_map[me.program_map == len(parts)] = -1
         me.plays[:] = [[(row == p).any() for p in range(len(parts))] for row in me.program_map]
@@ -90,8 +90,9 @@ class Fake:
             return
         self.asked.append((NAMES[action], place, velocity))
         if action in (PLUCK, SLUR):
-            voice = self.me.sounding[self.me.positions["string"][place]]
-            voice["awake"], voice["model"], voice["level"] = 1, place, 1.0
+            s = self.me.positions["string"][place]
+            self.me.voices["awake"][s], self.me.voices["level"][s] = 1, 1.0
+            self.me.hands["model"][s] = place
 
     @property
     def address(self) -> int:
@@ -124,7 +125,7 @@ class Fake:
         return self.place(where)
 
     def strings(self, field: str) -> list[float]:
-        return self.me.sounding[field].tolist()
+        return self.me.voices[field].tolist()
 
     def count(self, counter: int) -> int:
         return int(self.me.counters[counter])

@@ -146,8 +146,8 @@ def difference(player: scenes.Player, plain: PlainInstrument) -> float:
 def awake(player: scenes.Player) -> int:
     """How many strings of an engine move, second directions not counted."""
     engine = player.engine
-    sounding, strings = engine._state.sounding, engine._bank.strings
-    return int(np.count_nonzero((sounding["awake"] != 0) & (strings["of_first"] == 0)))
+    voices, strings = engine._sounding.voices, engine._bank.strings
+    return int(np.count_nonzero((voices["awake"] != 0) & (strings["of_first"] == 0)))
 
 
 def _player(presets: list[Preset], rows: list[tuple], seconds: float, quality: str = "standard") -> scenes.Player:
@@ -160,13 +160,13 @@ def plain_of(player: scenes.Player) -> PlainInstrument:
     """Strings, bridge and body of an engine with one coupled part as they now are, for a plain loop. A line without contacts
     takes one step a frame, which is exact. Raises ValueError where a finger or hand is on a string, or a bend."""
     engine = player.engine
-    sounding, strings = engine._state.sounding, engine._strings
-    if sounding["phase"].any() or sounding["altered"].any():
+    sounding, strings = engine._sounding, engine._strings
+    if sounding.hands["phase"].any() or sounding.motions["altered"].any():
         raise ValueError("a string is held, damped or bent; take a moment at which all ring freely")
     (coupling,) = strings.bridges.couplings
     lines = []
     for s, end in zip(strings.bridges.strings, strings.bridges.ends.items, strict=True):
-        model, heights = strings.models[sounding[s]["model"]], strings.states.items[s].eta
+        model, heights = strings.models[sounding.hands["model"][s]], strings.states.items[s].eta
         n, contacts = model.modes, model.eta.size
         ramp = -np.array(end.kick[:n])
         lines.append(

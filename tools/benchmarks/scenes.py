@@ -152,12 +152,12 @@ def first_full(count: int = MANY) -> float:
 
 def touching(engine: Engine) -> np.ndarray:
     """(strings,) which of them are awake, not certified free, and at a contact no more than a picometre above it."""
-    sounding, strings = engine._state.sounding, engine._strings
+    sounding, strings = engine._sounding, engine._strings
     on = np.zeros(sounding.size, bool)
     for s, state in enumerate(strings.states.items):
-        if not sounding[s]["awake"] or state.counts[FREE]:
+        if not sounding.voices["awake"][s] or state.counts[FREE]:
             continue
-        model = strings.models[sounding[s]["model"]]
+        model = strings.models[sounding.hands["model"][s]]
         n, c = model.modes, model.eta.size
         on[s] = np.any(model.shapes[:, :n] @ state.q[:n] <= state.eta[:c] + 1e-12)
     return on

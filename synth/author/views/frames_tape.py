@@ -14,7 +14,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from synth.author.views.film_shapes import shapes_at
-from synth.engine.core import CORE_WORDS, bank_of, shared_of, state_of, string_of
+from synth.engine.core import CORE_WORDS, bank_of, hand_of, progress_of, shared_of, string_of
 from synth.engine.engine import Engine
 from synth.engine.layout import BEGIN, FIRST_QUANTUM, NO_FINGER, QUANTUM, STRETCH, TASK, TOGETHER, UNTIL, WHOLE
 from synth.host.string_tape import QUALITY, RATE_HZ
@@ -59,14 +59,14 @@ frames_tape_of = opener(FramesTape, CORE_WORDS)
 
 
 def taped_together(core: int, thread: int, i: int, _: int) -> None:
-    bank, shared, sounding, tape = bank_of(core), shared_of(core), state_of(core).sounding, frames_tape_of(core)
+    bank, shared, tape = bank_of(core), shared_of(core), frames_tape_of(core)
     task, wanted = shared.task, tape.wanted
     kind, until = task[TASK], task[UNTIL]
     if kind == BEGIN:
         call_back(tape.together, core, thread, i, 0)
         return
     first, begun = bank.instruments[i].first_string, task[FIRST_QUANTUM] * QUANTUM
-    at, end = sounding[first].reached, until
+    at, end = progress_of(core, first).reached, until
     if kind == WHOLE:  # one quantum: `Frames.play` asks for no more at a time
         task[TASK] = BEGIN
         call_back(tape.together, core, thread, i, 0)
@@ -80,13 +80,13 @@ def taped_together(core: int, thread: int, i: int, _: int) -> None:
         if ahead <= 0:
             ahead = wanted[EVERY] - (now - wanted[FIRST]) % wanted[EVERY]
         count = min(end - at, ahead if now < wanted[FIRST] - wanted[EVERY] else min(wanted[CUT], ahead))
-        fingered = sounding[s].phase != NO_FINGER
-        sounding[first].reached = at
+        fingered = hand_of(core, s).phase != NO_FINGER
+        progress_of(core, first).reached = at
         task[UNTIL] = at + count
         call_back(tape.together, core, thread, i, 0)
         at += count
         played, line_end = string_of(core, s), end_at(shared.end_at[s])
-        contacts = bank.models[sounding[s].model].contacts
+        contacts = bank.models[hand_of(core, s).model].contacts
         for k in range(contacts):
             tape.running[0, k] = max(tape.running[0, k], played.force[k])
             tape.running[1, k] += played.force[k] * count * coupling.frame
@@ -96,7 +96,7 @@ def taped_together(core: int, thread: int, i: int, _: int) -> None:
             continue
         for line in range(tape.begins.size - 1):
             place, room = tape.begins[line], tape.begins[line + 1] - tape.begins[line]
-            string, model = string_of(core, first + line), bank.models[sounding[first + line].model]
+            string, model = string_of(core, first + line), bank.models[hand_of(core, first + line).model]
             for j in range(room):
                 tape.q[shot, place + j] = string.q[j] if j < model.n else 0.0
                 tape.v[shot, place + j] = string.v[j] if j < model.n else 0.0
@@ -114,7 +114,7 @@ def taped_together(core: int, thread: int, i: int, _: int) -> None:
         tape.ends[shot] = now
         tape.written[0] = shot + 1
     for k in range(first, bank.instruments[i].end_string):
-        sounding[k].reached = end
+        progress_of(core, k).reached = end
     task[TASK], task[UNTIL] = kind, until
 
 

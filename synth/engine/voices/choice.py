@@ -25,7 +25,7 @@ def choose_position(voices: int, p: int, c: int, note: int, choir: int) -> int:
         position = me.positions[k]
         if position.note != note or me.strings[position.string].choir != choir:
             continue
-        voice = me.sounding[position.string]
+        voice = me.voices[position.string]
         cost = 0.0
         if me.strings[position.string].positions > 1:
             cost = abs(position.fret - hand) if position.fret > 0 else 1.0
@@ -45,9 +45,9 @@ def choose_position(voices: int, p: int, c: int, note: int, choir: int) -> int:
 def _plays(voices: int, s: int, k: int) -> bool:
     """Whether string s, which sounds, is stopped at position k, or about to be; one that is pulled aside plays its key."""
     me = voices_of(voices)
-    voice, position = me.sounding[s], me.positions[k]
+    voice, hand, position = me.voices[s], me.hands[s], me.positions[k]
     if voice.pull_to != 0.0:
         return voice.note == position.note
-    if voice.phase != PRESS and voice.phase != WAIT:
-        return voice.model == position.model
-    return (voice.glide_to if voice.glide_to >= 0 else voice.pending_model) == position.model
+    if hand.phase != PRESS and hand.phase != WAIT:
+        return hand.model == position.model
+    return (hand.glide_to if hand.glide_to >= 0 else hand.pending_model) == position.model

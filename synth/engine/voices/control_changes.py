@@ -117,6 +117,6 @@ def _reset_controllers(voices: int, c: int) -> None:
             channel.pressure = 0.0
             channel.wheel = 0.0
             sustain(voices, k, 0)
-    for s in range(me.sounding.size):
-        if belongs(voices, me.sounding[s].channel, c):
-            me.sounding[s].key_pressure = 0.0
+    for s in range(me.voices.size):
+        if belongs(voices, me.voices[s].channel, c):
+            me.voices[s].key_pressure = 0.0

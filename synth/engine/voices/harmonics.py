@@ -30,7 +30,7 @@ def choose_harmonic(voices: int, p: int, c: int, note: int) -> tuple[int, float]
         position = me.positions[k]
         if position.fret != 0 or position.elsewhere:
             continue
-        voice = me.sounding[position.string]
+        voice = me.voices[position.string]
         for n in range(FIRST, LAST + 1):
             if abs(position.note + 12.0 * math.log2(n) - note) > NEAR:
                 continue

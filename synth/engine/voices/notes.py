@@ -55,17 +55,17 @@ def _begin(voices: int, p: int, c: int, note: int, velocity: int, chosen: int, w
     """The note on one position of part p, by this articulation; touched at `node` for a harmonic, 0 for none."""
     me = voices_of(voices)
     position = me.positions[chosen]
-    voice = me.sounding[position.string]
+    voice, hand = me.voices[position.string], me.hands[position.string]
     go_on(voices, position.string)
     if not voice.awake or voice.idle or voice.stolen:
         make_room(voices)
-    elsewhere = voice.model != position.model or voice.pull_to != 0.0 or voice.glide_to >= 0
+    elsewhere = hand.model != position.model or voice.pull_to != 0.0 or hand.glide_to >= 0
     legato = legato_on(voices, c) and node == 0.0 and voice.held != 0 and has_begun(voices, position.string) and elsewhere
     if voice.held and voice.awake and not legato and (voice.note != note or voice.channel != c):
         me.counters[N_TAKEN] += 1
     voice.articulation = way
     voice.node = node
-    voice.wait = 0
+    hand.wait = 0
     if me.articulations[way].strum_s > 0.0 and not legato:
         take_turn(voices, chosen, velocity)
     voice.note = note
@@ -93,8 +93,8 @@ def note_off(voices: int, c: int, note: int) -> None:
     if not 0 <= note <= 127:
         return
     me.keys[c, note] = 0
-    for s in range(me.sounding.size):
-        voice = me.sounding[s]
+    for s in range(me.voices.size):
+        voice = me.voices[s]
         if voice.held and voice.channel == c and voice.note == note:
             go_on(voices, s)
             below = position_held_below(voices, s)
@@ -110,7 +110,7 @@ def note_off(voices: int, c: int, note: int) -> None:
 def _go_back(voices: int, s: int, k: int) -> None:
     """A string whose key is let go goes back to a key that is still held."""
     me = voices_of(voices)
-    position, voice = me.positions[k], me.sounding[s]
+    position, voice = me.positions[k], me.voices[s]
     voice.note = position.note
     voice.retune_to = me.tuning[position.note]
     voice.key_pressure = 0.0
@@ -122,9 +122,9 @@ def _go_back(voices: int, s: int, k: int) -> None:
 @njit(**CORE)
 def press_key(voices: int, c: int, note: int, pressure: int) -> None:
     """Pressure on a key alone, 0 … 127."""
-    sounding = voices_of(voices).sounding
-    for s in range(sounding.size):
-        voice = sounding[s]
+    me = voices_of(voices)
+    for s in range(me.voices.size):
+        voice = me.voices[s]
         if voice.note == note and voice.held and belongs(voices, voice.channel, c):
             voice.key_pressure = min(max(pressure, 0), 127) / 127.0
 
@@ -132,10 +132,10 @@ def press_key(voices: int, c: int, note: int, pressure: int) -> None:
 @njit(**CORE)
 def release_all(voices: int, c: int) -> None:
     """All notes off: as if every key of the channel, or of its zone, were let go."""
-    sounding = voices_of(voices).sounding
+    me = voices_of(voices)
     _forget_keys(voices, c)
-    for s in range(sounding.size):
-        voice = sounding[s]
+    for s in range(me.voices.size):
+        voice = me.voices[s]
         if (voice.held or voice.sustained) and belongs(voices, voice.channel, c):
             go_on(voices, s)
             if voice.held:
@@ -150,8 +150,8 @@ def sustain(voices: int, c: int, value: int) -> None:
     me = voices_of(voices)
     me.channels[c].sustain = 1 if value >= 64 else 0
     if value < 64:
-        for s in range(me.sounding.size):
-            voice = me.sounding[s]
+        for s in range(me.voices.size):
+            voice = me.voices[s]
             if voice.sustained and belongs(voices, voice.channel, c) and not pedal(voices, voice.channel):
                 go_on(voices, s)
                 voice.sustained = 0
@@ -161,10 +161,10 @@ def sustain(voices: int, c: int, value: int) -> None:
 @njit(**CORE)
 def silence(voices: int, c: int) -> None:
     """All sound off: cut short what the channel, or its zone, sounds."""
-    sounding = voices_of(voices).sounding
+    me = voices_of(voices)
     _forget_keys(voices, c)
-    for s in range(sounding.size):
-        voice = sounding[s]
+    for s in range(me.voices.size):
+        voice = me.voices[s]
         if voice.awake and belongs(voices, voice.channel, c):
             go_on(voices, s)
             voice.held = 0
@@ -175,13 +175,13 @@ def silence(voices: int, c: int) -> None:
 @njit(**CORE)
 def give_up(voices: int, c: int) -> None:
     """Nothing holds any longer what channel c alone has begun."""
-    sounding = voices_of(voices).sounding
-    voices_of(voices).keys[c] = 0
-    for s in range(sounding.size):
-        if sounding[s].channel == c:
+    me = voices_of(voices)
+    me.keys[c] = 0
+    for s in range(me.voices.size):
+        if me.voices[s].channel == c:
             go_on(voices, s)
-            sounding[s].held = 0
-            sounding[s].sustained = 0
+            me.voices[s].held = 0
+            me.voices[s].sustained = 0
             let_go(voices, s)
 
 

@@ -19,8 +19,8 @@ def set_parameter(voices: int, p: int, index: int, value: float) -> None:
     me = voices_of(voices)
     if index != GAIN and index != HEIGHT:  # what a finger already at work is yet to read
         for s in range(me.strings.size):
-            voice = me.sounding[s]
-            if me.strings[s].part == p and voice.awake and voice.phase != NO_FINGER:
+            voice, hand = me.voices[s], me.hands[s]
+            if me.strings[s].part == p and voice.awake and hand.phase != NO_FINGER:
                 go_on(voices, s)
     low, high = PARAMETER_RANGES[index]
     me.parameters[p, index] = min(max(value, low), high)
@@ -38,9 +38,9 @@ def tune(voices: int, key: int, pitch: float, at_once: int) -> None:
     before = me.tuning[key]
     me.tuning[key] = offset
     if at_once:
-        for s in range(me.sounding.size):
-            if me.sounding[s].note == key:
-                voice = me.sounding[s]
+        for s in range(me.voices.size):
+            if me.voices[s].note == key:
+                voice = me.voices[s]
                 if voice.pull_to != 0.0:  # the string's own fret keeps its tuning
                     voice.pull_to += offset - before
                 else:

@@ -12,8 +12,9 @@ from synth.engine.voices.voice_table import pluck, voices_of
 @njit(**CORE)
 def has_begun(voices: int, s: int) -> bool:
     """Whether string s sounds its note, or will without a stroke: it does not wait for one."""
-    voice = voices_of(voices).sounding[s]
-    return voice.awake != 0 and (voice.phase != WAIT or voice.glide_to >= 0)
+    me = voices_of(voices)
+    voice, hand = me.voices[s], me.hands[s]
+    return voice.awake != 0 and (hand.phase != WAIT or hand.glide_to >= 0)
 
 
 @njit(**CORE)
@@ -21,7 +22,7 @@ def slur(voices: int, k: int, velocity: int) -> None:
     """The string of position k, which sounds, goes there; where its part's hand can, it is pulled aside instead."""
     me = voices_of(voices)
     s = me.positions[k].string
-    voice, base = me.sounding[s], _stopped_at(voices, s)
+    voice, base = me.voices[s], _stopped_at(voices, s)
     if base >= 0:
         aside = _pitch(voices, me.positions[k].note) - _pitch(voices, me.positions[base].note)
         if 0.0 <= aside <= me.parts[me.strings[s].part].meend:
@@ -42,13 +43,13 @@ def _pitch(voices: int, note: int) -> float:
 def _stopped_at(voices: int, s: int) -> int:
     """The position whose fret a string may be pulled across; −1: it is open, or the finger is under way, or slides."""
     me = voices_of(voices)
-    part, voice = me.parts[me.strings[s].part], me.sounding[s]
+    part, voice, hand = me.parts[me.strings[s].part], me.voices[s], me.hands[s]
     slides = me.articulations[voice.articulation].slide_s > 0.0
-    if part.meend == 0.0 or slides or voice.phase == PRESS or voice.phase == WAIT:
+    if part.meend == 0.0 or slides or hand.phase == PRESS or hand.phase == WAIT:
         return -1
     for k in range(part.first_position, part.end_position):
         position = me.positions[k]
-        if position.string == s and position.model == voice.model:
+        if position.string == s and position.model == hand.model:
             return k if position.fret > 0 else -1
     return -1
 
@@ -58,7 +59,7 @@ def position_held_below(voices: int, s: int) -> int:
     """Where legato takes string s back to as its key is let go: the lower key still held that was struck last, which this
     string can play and no other one sounds. −1: nowhere."""
     me = voices_of(voices)
-    voice = me.sounding[s]
+    voice = me.voices[s]
     if me.strings[s].positions == 1 or voice.node > 0.0 or not (has_begun(voices, s) and legato_on(voices, voice.channel)):
         return -1
     part = me.parts[me.strings[s].part]
@@ -75,9 +76,9 @@ def position_held_below(voices: int, s: int) -> int:
 @njit(**CORE)
 def _sounds_elsewhere(voices: int, s: int, note: int) -> bool:
     """Whether a key of string s's channel is heard on another string."""
-    sounding = voices_of(voices).sounding
-    for t in range(sounding.size):
-        other = sounding[t]
-        if t != s and other.held and other.note == note and other.channel == sounding[s].channel:
+    me = voices_of(voices)
+    for t in range(me.voices.size):
+        other = me.voices[t]
+        if t != s and other.held and other.note == note and other.channel == me.voices[s].channel:
             return True
     return False

@@ -15,20 +15,20 @@ def make_room(voices: int) -> None:
     me = voices_of(voices)
     sounding = 0
     quietest = -1
-    for s in range(me.sounding.size):
-        voice = me.sounding[s]
+    for s in range(me.voices.size):
+        voice = me.voices[s]
         if voice.awake and not voice.idle and not voice.stolen:
             sounding += 1
             if quietest < 0:
                 quietest = s
                 continue
-            other = me.sounding[quietest]
+            other = me.voices[quietest]
             if voice.level < other.level or (voice.level == other.level and voice.plucked_at < other.plucked_at):
                 quietest = s
     if sounding >= me.polyphony and quietest >= 0:
         go_on(voices, quietest)
-        me.sounding[quietest].stolen = 1
-        me.sounding[quietest].held = 0
-        me.sounding[quietest].sustained = 0
+        me.voices[quietest].stolen = 1
+        me.voices[quietest].held = 0
+        me.voices[quietest].sustained = 0
         me.counters[N_STOLEN] += 1
         cut(voices, quietest)

@@ -18,23 +18,23 @@ TOGETHER_S = 0.015
 
 @njit(**CORE)
 def take_turn(voices: int, k: int, velocity: int) -> None:
-    """SOUNDING.wait of a note that is about to begin at position k, and that of the notes of its chord that come after it.
+    """HAND.wait of a note that is about to begin at position k, and that of the notes of its chord that come after it.
 
     The string's record is still that of the note before, but for its articulation.
     """
     me = voices_of(voices)
     s = me.positions[k].string
     p = me.strings[s].part
-    voice, chord, now = me.sounding[s], me.part_state[p], me.event[0].frame
+    voice, hand, chord, now = me.voices[s], me.hands[s], me.part_state[p], me.event[0].frame
     gap = me.articulations[voice.articulation].strum_s * me.rate_hz
-    begun = me.sounding[chord.strum_first].plucked_at
+    begun = me.voices[chord.strum_first].plucked_at
     members = 0
     for t in range(me.strings.size):
         if _is_of(voices, t, p, begun):
             members += 1
     late = now - chord.strum_at
-    voice.pending_model, voice.pending_velocity = me.positions[k].model, float(velocity)
-    voice.wait = 0
+    hand.pending_model, hand.pending_velocity = me.positions[k].model, float(velocity)
+    hand.wait = 0
     if members == 0 or _is_of(voices, s, p, begun) or late > members * gap + TOGETHER_S * me.rate_hz:
         chord.strum_at, chord.strum_first = now, s
         return
@@ -47,14 +47,14 @@ def take_turn(voices: int, k: int, velocity: int) -> None:
                 turn += 1
             else:
                 _put_off(voices, t, p, s, begun, gap)
-    voice.wait = max(0, int(turn * gap + 0.5) - late)
+    hand.wait = max(0, int(turn * gap + 0.5) - late)
 
 
 @njit(**CORE)
 def _is_of(voices: int, t: int, p: int, begun: int) -> bool:
     """Whether a string is one of part p's chord whose first note had the number `begun`."""
     me = voices_of(voices)
-    voice = me.sounding[t]
+    voice = me.voices[t]
     strummed = me.articulations[voice.articulation].strum_s > 0.0
     return me.strings[t].part == p and begun > 0 and voice.awake != 0 and voice.plucked_at >= begun and strummed
 
@@ -63,17 +63,17 @@ def _is_of(voices: int, t: int, p: int, begun: int) -> bool:
 def _put_off(voices: int, t: int, p: int, s: int, begun: int, gap: float) -> None:
     """String t of a chord, of which string s is now one, too, and comes before it, has its turn later, if it is not over."""
     me = voices_of(voices)
-    voice, chord, now = me.sounding[t], me.part_state[p], me.event[0].frame
+    hand, chord, now = me.hands[t], me.part_state[p], me.event[0].frame
     if now > chord.strum_at:
         go_on(voices, t)
-        if voice.phase != WAIT:
+        if hand.phase != WAIT:
             return
     turn = 1  # after s
     for other in range(me.strings.size):
         if other != t and _is_of(voices, other, p, begun) and other != s and (other < t) == (chord.strum_down != 0):
             turn += 1
     for k in range(me.parts[p].first_position, me.parts[p].end_position):
-        if me.positions[k].string == t and me.positions[k].model == voice.pending_model:
-            voice.wait = max(1, int(turn * gap + 0.5) - (now - chord.strum_at))
-            pluck(voices, k, int(voice.pending_velocity), False)
+        if me.positions[k].string == t and me.positions[k].model == hand.pending_model:
+            hand.wait = max(1, int(turn * gap + 0.5) - (now - chord.strum_at))
+            pluck(voices, k, int(hand.pending_velocity), False)
             return

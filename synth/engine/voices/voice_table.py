@@ -1,6 +1,6 @@
 """What the policy sees, behind one address, and what it may ask of its responder.
 
-    me = voices_of(voices)          # in compiled code: me.sounding, me.positions, me.polyphony
+    me = voices_of(voices)          # in compiled code: me.voices, me.positions, me.polyphony
     pluck(voices, k, velocity, legato)
 
 The responder is a C function void(core, thread, action, place, velocity) of five int64, of which the table holds the
@@ -23,7 +23,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numba import njit
 
-from synth.engine.layout import ARTICULATION, BINDING, CHANNEL, CORE, PART, PART_STATE, POSITION, SOUNDING, STRING
+from synth.engine.layout import ARTICULATION, BINDING, CHANNEL, CORE, HAND, PART, PART_STATE, POSITION, STRING, VOICE
 from synth.midi.events import EVENT
 from synth.native.arrays import f8, i8, struct
 from synth.native.views import ask, opener
@@ -33,9 +33,10 @@ GO_ON, PLUCK, SLUR, CUT, LET_GO = range(5)
 
 
 class Voices(NamedTuple):
-    """Of the strings and their positions, of channels and parts what decides who plays. Arrays of `Bank` and `State`."""
+    """Of the strings and their positions, of channels and parts what decides who plays. Arrays of the core's."""
 
-    sounding: Annotated[np.ndarray, struct(SOUNDING, "strings")]  # the voices, one for each string
+    voices: Annotated[np.ndarray, struct(VOICE, "strings")]  # one for each string
+    hands: Annotated[np.ndarray, struct(HAND, "strings")]  # read, but for what is pending and how long
     strings: Annotated[np.ndarray, struct(STRING, "strings")]  # read: part, positions, choir
     positions: Annotated[np.ndarray, struct(POSITION, "positions")]
     parts: Annotated[np.ndarray, struct(PART, "parts")]  # read: positions, choirs, articulations, meend

@@ -143,7 +143,7 @@ def test_the_place_of_a_note_is_the_engines() -> None:
     for note in (28, 29, 33, 34, 38, 40, 45, 52, 63):
         engine.reset()
         engine.process(make_events([(0, NOTE_ON, 0, note, 80)]), np.zeros((128, 2)))
-        first, second = np.flatnonzero(engine._state.sounding["awake"])  # the directions of one string
+        first, second = np.flatnonzero(engine._sounding.voices["awake"])  # the directions of one string
         assert second == first + 1
         place = find(bass, note)
         assert engine.compiled[0].strings[first // 2].positions[0].note == place.opened, note
