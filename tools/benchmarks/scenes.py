@@ -153,7 +153,7 @@ def first_full(count: int = MANY) -> float:
 def touching(engine: Engine) -> np.ndarray:
     """(strings,) which of them are awake, not certified free, and at a contact no more than a picometre above it."""
     sounding, strings = engine._sounding, engine._strings
-    on = np.zeros(sounding.size, bool)
+    on = np.zeros(sounding.voices.size, bool)
     for s, state in enumerate(strings.states.items):
         if not sounding.voices["awake"][s] or state.counts[FREE]:
             continue
