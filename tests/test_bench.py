@@ -149,6 +149,15 @@ def state_after(kernel: kernels.Kernel, setting: Setting) -> np.ndarray:
     return np.concatenate([stretch.q[: setting.modes], stretch.v[: setting.modes]])
 
 
+def test_strings_that_touch_are_told_from_those_that_sleep() -> None:
+    player = scenes.crowd(2, 0.3)
+    assert not scenes.touching(player.engine).any()
+    touched = np.zeros(2, bool)
+    for _ in player.blocks(128):
+        touched |= scenes.touching(player.engine)
+    assert touched.all()
+
+
 def test_the_scene_of_many_strings_has_as_many_pitches() -> None:
     preset = scenes.many_strings(64)
     pitches = {table.notes[0] + table.cents / 100.0 for table in preset.string}
