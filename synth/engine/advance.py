@@ -237,7 +237,7 @@ def _may_go_beside(core: int, thread: int, s: int, frames: int) -> bool:
     if motion.flying:
         return False
     if motion.stale:
-        _refresh(core, thread, s)
+        _refresh_keeping_free(core, thread, s)
     string_of(core, s).finger[0].on = 0
     return presses(model_address(core, s), shared.string_at[s])
 
@@ -272,8 +272,8 @@ def _land(core: int, thread: int, s: int) -> None:
 
 
 @njit(**CORE)
-def _refresh(core: int, thread: int, s: int) -> None:
-    """`refresh`, after which a string over a board that can touch nothing still can: it goes on as free as it was."""
+def _refresh_keeping_free(core: int, thread: int, s: int) -> None:
+    """`refresh`; a string over a board that could touch nothing, and still cannot, goes on as free as it was."""
     hand, motion, string = hand_of(core, s), motion_of(core, s), string_of(core, s)
     was_free, moving = string.counts[FREE] != 0, string.counts[MOVING]
     was_free = was_free and motion.stale == 1 and not is_held(hand) and shared_of(core).board_at[hand.model] != 0
@@ -295,7 +295,7 @@ def _advance_line(core: int, thread: int, s: int, start: int, frames: int) -> No
         return
     row = row_of(core, s, start, frames)
     if motion.stale:
-        _refresh(core, thread, s)
+        _refresh_keeping_free(core, thread, s)
     call_back(shared_of(core).task[STEP], core, thread, s, row.size)
     motion.base = collect(core, thread, s, row.size, bank_of(core).strings[s].factor, motion.base, row)
 
@@ -417,7 +417,7 @@ def _check(core: int, thread: int, s: int) -> None:
         return
     if motion.stale:  # as when a hand bends it without a stop
         _land(core, thread, s)
-        _refresh(core, thread, s)
+        _refresh_keeping_free(core, thread, s)
     fixed = bank.strings[s]
     constants = bank.models[hand.model]
     plain, model = string_model(shared_of(core).model_at[hand.model, PLAIN]), model_of(core, s)

@@ -107,8 +107,7 @@ def alter_steps(core: int, thread: int, s: int) -> None:
     q, v, spare = scratch.q[:cap], scratch.v[:cap], scratch.spare
     fill_lags(0 if plain.law == EXACT_HOLD else 1, rows, plain.shapes, plain.shapes, matrix, q, v, spare, own.lags)
     none = matrix.reshape(-1)[:0].reshape(0, 0)
-    for p in range(plain.first, plain.first + plain.points):
-        k = 0 if p < plain.first + plain.on_q else 1
+    for k in range(plain.first, plain.first + plain.points):  # output 0 is on displacements, 1 on velocities
         fill_lags(k, rows, plain.shapes, plain.weights[k : k + 1], none, q, v, spare, own.out_lags[k : k + 1])
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 from numba import njit
 
 from synth.engine.core import (
@@ -42,7 +41,7 @@ _board_height, _over_line = njit(**CORE)(board_height), njit(**CORE)(over_line)
 _pressed_share = njit(**CORE)(pressed_share)
 
 
-@njit(**CORE)
+@njit(inline="always")
 def _shortened(linear: int, omega: float, ideal: float, ratio: float) -> float:
     """A mode at ω, `ideal` without stiffness, of a string that is now stopped to 1/ratio of its length: what stiffness
     shifts it by goes with the square of that."""
@@ -55,15 +54,8 @@ def _shortened(linear: int, omega: float, ideal: float, ratio: float) -> float:
 @njit(error_model="numpy", **CORE)
 def _shorten(linear: int, omega, ideal: float, ratio: float, out) -> None:
     """out (≥N,): `_shortened` of modes ω (N,), in vectors."""
-    if linear:
-        for j in range(omega.size):
-            harmonic = (j + 1.0) * ideal
-            out[j] = ratio * (harmonic + ratio * ratio * (omega[j] - harmonic))
-        return
     for j in range(omega.size):
-        harmonic = (j + 1.0) * ideal
-        squared = harmonic * harmonic + ratio * ratio * (omega[j] - harmonic) * (omega[j] + harmonic)
-        out[j] = ratio * np.sqrt(max(squared, 1e-6 * harmonic * harmonic))
+        out[j] = _shortened(linear, omega[j], (j + 1.0) * ideal, ratio)
 
 
 @njit(**CORE)

@@ -61,14 +61,19 @@ def _deviation(slack, omega, mu: float, q, v, touch, mean: float, strength: floa
     return everywhere, slope
 
 
+@njit(inline="always")
+def _transform(b, x, y, nodes_x, nodes_y) -> None:
+    """`sine.transform` by a Board's tables."""
+    transform(Sine(b.half, b.twiddles, b.matrix, b.work), x, y, nodes_x, nodes_y)
+
+
 @njit(**INNER)
 def _strike(board: int, q, v, mu: float, dt: float) -> bool:
     """Impulses of one instant at all nodes; whether there were any."""
     b = board_at(board)
     n = b.eta.size
-    tables = Sine(b.half, b.twiddles, b.matrix, b.work)
     u, w, change = b.nodes[0], b.nodes[1], b.nodes[2]
-    transform(tables, q[:n], v[:n], u, w)
+    _transform(b, q[:n], v[:n], u, w)
     scale = math.sqrt(2.0 / b.numbers[SPEAKING])
     hit, holding = False, 0
     for c in range(n):
@@ -104,7 +109,7 @@ def _kick(b, change, gain: float, v) -> None:
                 v[j] += strength * shape[j]
         return
     kick, spare = b.nodes[3], b.nodes[4]
-    transform(Sine(b.half, b.twiddles, b.matrix, b.work), change, change, kick, spare)
+    _transform(b, change, change, kick, spare)
     for j in range(n):
         v[j] += gain * kick[j]
 
@@ -114,7 +119,7 @@ def _lies_clear(board: int, q, later) -> bool:
     """Whether no node is under the surface at q (≥n,), nor at `later`: two states are as dear as one."""
     b = board_at(board)
     n, u, w = b.eta.size, b.nodes[0], b.nodes[1]
-    transform(Sine(b.half, b.twiddles, b.matrix, b.work), q[:n], later[:n], u, w)
+    _transform(b, q[:n], later[:n], u, w)
     scale, under = math.sqrt(2.0 / b.numbers[SPEAKING]), 0
     for c in range(n):
         under += scale * min(u[c], w[c]) < b.eta[c]
@@ -193,10 +198,9 @@ def _stays_clear(
     pushed it, with pushes (K,) [N]; by the end of its step 1 N moves it to pushed (2, n).
     """
     m, b = string_model(model), board_at(board)
-    tables = Sine(b.half, b.twiddles, b.matrix, b.work)
     u, later = b.nodes[0], b.nodes[1]
     nodes = b.eta.size
-    transform(tables, before[0, :nodes], q[:nodes], u, later)
+    _transform(b, before[0, :nodes], q[:nodes], u, later)
     scale = math.sqrt(2.0 / b.numbers[SPEAKING])
     by_place, by_slope = MARGIN * scale * everywhere, MARGIN * scale * slope
     count = 0

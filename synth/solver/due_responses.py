@@ -70,13 +70,12 @@ def _moved(gain, here, there) -> float:
 
 @njit(cache=True, nogil=True)
 def put_off_rows(model: int, state: int, relief: float) -> None:
-    """`put_off` of an exact-hold model of which only the rows of coefficients are there, its matrix too, but for the
-    diagonal. What a pair's entry is still to be added to stands in its place: the residual, and below it its relief."""
+    """`put_off` of an exact-hold model of which only the rows of coefficients are there: its matrix waits, too, but for the
+    diagonal. Below that stands what relief adds to a pair's entry."""
     m, s = string_model(model), string_state(state)
     for c in range(m.shapes.shape[0]):
         s.due[c] = ROW_DUE
         for d in range(c):
-            m.matrix[d, c] = m.residual[c, d]
             m.matrix[c, d] = relief * m.residual[c, d]
         shape = m.shapes[c]
         entry = _moved(m.rows[KQ], shape, shape) + m.residual[c, c]
@@ -91,7 +90,7 @@ def fill_row(model: int, state: int, c: int) -> None:
     for d in range(m.shapes.shape[0]):
         if d != c and s.due[d] == ROW_DUE:
             a, b = max(c, d), min(c, d)
-            entry = _moved(m.rows[KQ], m.shapes[a], m.shapes[b]) + m.matrix[b, a] + m.matrix[a, b]
+            entry = _moved(m.rows[KQ], m.shapes[a], m.shapes[b]) + m.residual[a, b] + m.matrix[a, b]
             m.matrix[a, b] = m.matrix[b, a] = entry
             m.lags[a, b, BLOCK] = m.lags[b, a, BLOCK] = entry
     s.due[c] = RESPONSES_DUE
