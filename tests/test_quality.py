@@ -11,7 +11,7 @@ import pytest
 
 from synth.dsp.measures import log_spectral_distance, relative_error
 from synth.engine.engine import Engine
-from synth.fit.plan_measuring import as_displacement
+from synth.fit.plan_strings import as_displacement
 from synth.instrument.preset import Preset, load_preset
 from synth.midi.events import NOTE_ON, make_events
 

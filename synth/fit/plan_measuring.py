@@ -9,6 +9,9 @@ with fewer modes: as tools/calibrate-plan does it for random strings. A plan mus
 measured, and the limits themselves in `OTHERS`: between, harder, nearer to the saddle and farther from it, and in the other
 strokes of the preset. What is heard of the highs counts beside the promise. A plan costs less than the law's, unless the law
 itself misses the promise on that string: then it may have up to `DEARER` times the law's rate.
+
+A string that shares a body with others is measured so with its end at rest, and what is found there is held against a
+converged run of the whole instrument as well, in the strokes `TOGETHER` of its lowest, middle and highest note.
 """
 
 from __future__ import annotations
@@ -17,38 +20,24 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
-import numpy as np
-
-from synth.dsp.rates import MAXIMUM_FACTOR
-from synth.engine.engine import Engine
-from synth.fit.plan_measures import ROLLING, distances_measured, judged_of_one
-from synth.instrument.articulations import NORMAL, Articulation, Hand
-from synth.instrument.compile import note_frequency, open_string, plannable, string_kind
-from synth.instrument.fingerprints import PLAIN, UNSTEADY, WAYS, fingerprint, stroke_of, strokes
+from synth.fit.plan_measures import ROLLING, distances_measured
+from synth.fit.plan_strings import RATE_HZ, Figures, OneString, PlanStroke, StringTogether
+from synth.instrument.articulations import NORMAL
+from synth.instrument.compile import plannable
+from synth.instrument.fingerprints import PLAIN, stroke_of, strokes
 from synth.instrument.neck import single_strings
-from synth.instrument.plan import FAR, FREE, KEPT, choose_factor
+from synth.instrument.plan import FREE, KEPT
 from synth.instrument.planfile import PROMISED, Measured, MeasuredPlan, MeasuredString
-from synth.instrument.preset import Preset, PresetError, fret_count
-from synth.midi.events import NOTE_ON, make_events
-from synth.physics.modes import modal_frequencies
-from synth.physics.string import String
+from synth.instrument.preset import Preset, PresetError
 from synth.units import midi_to_note
 
-RATE_HZ = 44100
 #: part of every limit that `KEPT` of a string's notes must keep in the strokes measured, and the others: among blows there
 #: are notes at which no rate comes nearer
 MARGIN, FARTHEST = 0.5, 0.75
 #: velocities that are measured; the file of a plan names them
 VELOCITIES = (25, 40, 120)
-#: seconds of a note: what is promised of a bridge is promised over 3 s
-ROLLING_S, IMPACTS_S = 3.0, 0.5
-#: internal steps per period of the reference, where the string rolls, is plucked from afar, takes blows; its most modes
-ROLLING_STEPS, FAR_STEPS, IMPACT_STEPS, MOST_MODES = 9000.0, 18000.0, 30000.0, 1000
-#: what the half run has of the reference's modes
-FEWER = 0.7
-#: internal rates tried, as multiples of `RATE_HZ`, and how far modes go [Hz]; none of them beyond half the rate
-FACTORS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 40, 48)
-HIGHEST_HZ = (6000.0, 7000.0, 8000.0, 9000.0, 10000.0, 12000.0, 14000.0, 16000.0, 18000.0, 20000.0)
+#: how far modes go that are tried [Hz]; none of them beyond half the rate
+HIGHEST_HZ = (6000.0, 7000.0, 8000.0, 9000.0, 10000.0, 12000.0, 14000.0, 16000.0, 18000.0, 20000.0, 28000.0, 40000.0)
 #: of the law's rate times modes, what is worth a plan
 CHEAPER = 0.97
 #: times the law's rate that a plan may have on a string where the law misses the promise
@@ -59,14 +48,11 @@ LEAST_HZ = {"draft": 6000.0, "standard": 8000.0, "fine": 14000.0}
 OTHERS = ((75, 1.0), (127, 1.0), (100, 0.6), (100, 1.4))
 #: velocities that a string which rolls on its bridge is held to besides: its last, grazing contacts come and go with them
 ROLLING_VELOCITIES = (15, 20, 30, 35, 50, 64, 90, 105)
-#: output's place from the saddle, as a share of the open length: that of the calibration's scenes
-SEEN_AT = 0.01
-#: gain of that output [dB]: 10 µm are full scale, as loud as a preset; strings sleep and modes rest by their level in
-#: the output, so that without the gain a soft note of a few µm would end within the seconds that are compared
-SEEN_GAIN_DB = 100.0
+#: strokes that a plan is held to in the whole instrument, where strings share a body
+TOGETHER = (PlanStroke(120),)
 
-#: measure → error
-Figures = dict[str, float]
+#: (quality, what it would take) → whether that keeps the promise
+Holds = Callable[[str, Measured], bool]
 
 #: told how much is done (0 … 1); False: it is to end
 Progress = Callable[[float], bool]
@@ -76,128 +62,9 @@ class Ended(Exception):
     """Whoever is told of the progress wants no more of it."""
 
 
-@dataclass(frozen=True)
-class PlanStroke:
-    """How a note is begun: which velocity, how much farther from the saddle, by which articulation (None: the normal
-    one)."""
-
-    velocity: int
-    farther: float = 1.0
-    articulation: Articulation | None = None
-
-
-@dataclass(frozen=True)
-class Judged:
-    """One note begun in one way: the reference's displacement (n,) and what it can judge, quality → (measure, limit)."""
-
-    u: np.ndarray
-    limits: Mapping[str, list[tuple[str, float]]]
-
-
-class OneString:
-    """One open string of a preset as it is measured: by itself, its displacement near the saddle, each stroke the same.
-
-    alone: a preset of that string only. Raises PresetError where it cannot be played.
-    """
-
-    def __init__(self, alone: Preset) -> None:
-        self.table = alone.string[0]
-        self.note = self.table.notes[0]
-        self.label = self.table.name or midi_to_note(self.note)
-        self._preset = _seen(alone)
-        self._normal = alone.articulations.get(NORMAL)
-        opened, below = open_string(alone, self.table, self.note)
-        self.opened = opened
-        self.kind = string_kind(alone, opened, below)
-        self.pitch_hz = note_frequency(alone, self.table, self.note, None)
-        self.fingerprint = fingerprint(alone, self.table, self.note)
-        self.notes = [self.note + fret for fret in range(min(fret_count(alone, self.table), 127 - self.note) + 1)]
-        self.seconds = ROLLING_S if self.kind in ROLLING else IMPACTS_S
-        self._known: dict[tuple[int, PlanStroke], Judged] = {}
-
-    def modes(self, highest_hz: float) -> int:
-        """Modes of the open string up to a frequency."""
-        return int(np.searchsorted(_modal_hz(self.opened), highest_hz, side="left"))
-
-    def law(self, quality: str) -> int:
-        """The factor that the law takes at 44.1 kHz."""
-        return choose_factor(self.pitch_hz, self.kind, quality, float(RATE_HZ))[0]
-
-    def runs(self, notes: list[int], stroke: PlanStroke, factor: int, highest_hz: float) -> Iterator[tuple[int, np.ndarray]]:
-        """(note, displacement (n,) from the finger's release on) of notes at a rate with modes up to a frequency."""
-        pluck, way = self._preset.pluck, stroke.articulation or self._normal
-        if stroke.farther != 1.0:
-            places = {key: value for key in ("position", "position_hard") if (value := getattr(pluck, key)) is not None}
-            pluck = pluck.model_copy(update={key: _nearer(value * stroke.farther) for key, value in places.items()})
-        changes: dict[str, object] = {"pluck": pluck}
-        table = self.table
-        if table.pluck_position is not None and isinstance(table.pluck_position, float):
-            table = table.model_copy(update={"pluck_position": _nearer(table.pluck_position * stroke.farther)})
-            changes["string"] = (table,)
-        if way is not None:
-            gone = {key: type(way).model_fields[key].default for key in WAYS | UNSTEADY}
-            changes["articulations"] = {NORMAL: way.model_copy(update=gone | _shifted(way, stroke.farther))}
-        preset = self._preset.model_copy(update=changes)
-        found = Measured(float(factor * RATE_HZ), highest_hz, 1, {})
-        row = MeasuredString("", "", self.pitch_hz, fingerprint(preset, table, self.note), {"standard": found})
-        engine = Engine(
-            [preset.with_measured(MeasuredPlan((row,), frozenset(strokes(preset))))],
-            quality="standard",
-            limiter=False,
-            economy=False,
-            only_notes=[set(notes)],
-            every_fret=False,
-            threads=1,
-        )
-        engine.prepare(float(RATE_HZ))
-        string = engine.compiled[0].strings[0]
-        begin = engine.latency_samples + math.ceil(string.draw_s * RATE_HZ)
-        for note in notes:
-            engine.reset()
-            out = np.zeros((begin + round(self.seconds * RATE_HZ), 2))
-            engine.process(make_events([(0, NOTE_ON, 0, note, stroke.velocity)]), out)
-            yield note, in_metres(out[begin:, 0])
-
-    def references(self, notes: list[int], stroke: PlanStroke) -> dict[int, Judged]:
-        """Converged runs of notes, made once."""
-        missing = [note for note in notes if (note, stroke) not in self._known]
-        if missing:
-            steps = FAR_STEPS if self.kind == FAR else ROLLING_STEPS if self.kind in ROLLING else IMPACT_STEPS
-            factor = int(min(MAXIMUM_FACTOR, max(16, math.ceil(steps * self.pitch_hz / RATE_HZ))))
-            modes = _modal_hz(self.opened)
-            most = min(MOST_MODES, self.modes(0.5 * factor * RATE_HZ))
-            highest, fewer = float(modes[most - 1]) + 1.0, float(modes[int(FEWER * most)])
-            finest = dict(self.runs(missing, stroke, factor, highest))
-            for note, half in self.runs(missing, stroke, factor // 2, fewer):
-                u = finest[note]
-                stands = distances_measured(half, u, RATE_HZ)
-                limits = {quality: judged_of_one(self.kind, quality, stands) for quality in PROMISED}
-                self._known[note, stroke] = Judged(u, limits)
-        return {note: self._known[note, stroke] for note in notes}
-
-    def can_judge(self, quality: str, strokes_played: list[PlanStroke]) -> bool:
-        """Whether references of all notes in strokes are near enough to the truth to judge a quality."""
-        return all(
-            judged.limits[quality] for stroke in strokes_played for judged in self.references(self.notes, stroke).values()
-        )
-
-    def figures(
-        self, quality: str, notes: list[int], stroke: PlanStroke, found: Measured
-    ) -> Iterator[tuple[float, Figures]]:
-        """For each note (the worst of error over limit, measure → error); infinite where nothing can be judged."""
-        known = self.references(notes, stroke)
-        if not all(known[note].limits[quality] for note in notes):
-            yield math.inf, {}
-            return
-        for note, u in self.runs(notes, stroke, round(found.rate_hz / RATE_HZ), found.highest_hz):
-            here = distances_measured(u, known[note].u, RATE_HZ)
-            limits = known[note].limits[quality]
-            yield max(here[measure] / limit for measure, limit in limits), {measure: here[measure] for measure, _ in limits}
-
-
-def measure_string(one: OneString, others: list[PlanStroke], progress: Progress) -> MeasuredString:
+def measure_string(one: OneString, others: list[PlanStroke], progress: Progress, holds: Holds) -> MeasuredString:
     """What each quality takes on one string; a quality is left out where nothing tried keeps it, or only what costs as much
-    as the law's, which keeps it too. Raises Ended."""
+    as the law's, which keeps it too. holds: what else a plan has to pass. Raises Ended."""
     done = 0.0
 
     def step(part: float) -> None:
@@ -216,12 +83,12 @@ def measure_string(one: OneString, others: list[PlanStroke], progress: Progress)
     for quality in PROMISED:
         law = one.law(quality)
         stands: bool | None = None
-        for factor in (each for each in FACTORS if each <= DEARER * law):
+        for factor in (each for each in one.factors if each <= DEARER * law):
             if factor > law and stands is None:
                 stands = _law_stands(one, quality, measured, others)
             if stands:
                 break
-            found = _fewest(one, quality, factor, measured, others)
+            found = _fewest(one, quality, factor, measured, others, holds)
             step(0.0)
             if found is not None:
                 qualities[quality] = found
@@ -231,7 +98,7 @@ def measure_string(one: OneString, others: list[PlanStroke], progress: Progress)
 
 
 def _fewest(
-    one: OneString, quality: str, factor: int, measured: list[PlanStroke], others: list[PlanStroke]
+    one: OneString, quality: str, factor: int, measured: list[PlanStroke], others: list[PlanStroke], holds: Holds
 ) -> Measured | None:
     """The fewest modes at an internal rate that keep `MARGIN` of a promise, as any more do, and all of it in other strokes.
 
@@ -248,7 +115,7 @@ def _fewest(
         kept.append(replace(found, figures={name: float(f"{value:.2g}") for name, value in figures.items()}))
     for found in reversed(kept):
         cheaper = factor > law or factor * found.modes < CHEAPER * most
-        if cheaper and _holds(one, quality, others, found):
+        if cheaper and holds_in(one, quality, others, found) and holds(quality, found):
             return found
     return None
 
@@ -258,10 +125,10 @@ def _law_stands(one: OneString, quality: str, measured: list[PlanStroke], others
     law = one.law(quality)
     highest = 0.5 * law * RATE_HZ
     found = Measured(float(law * RATE_HZ), highest, one.modes(highest), {})
-    return not one.can_judge(quality, measured) or _holds(one, quality, [*measured, *others], found)
+    return not one.can_judge(quality, measured) or holds_in(one, quality, [*measured, *others], found)
 
 
-def _holds(one: OneString, quality: str, strokes_played: list[PlanStroke], found: Measured) -> bool:
+def holds_in(one: OneString, quality: str, strokes_played: list[PlanStroke], found: Measured) -> bool:
     """Whether a rate and modes keep a promise in strokes of the lowest, middle and highest note."""
     few = sorted({one.notes[0], one.notes[len(one.notes) // 2], one.notes[-1]})
     return all(ratio <= 1.0 for stroke in strokes_played for ratio, _ in one.figures(quality, few, stroke, found))
@@ -290,16 +157,17 @@ def other_strokes(preset: Preset) -> list[PlanStroke]:
 
 
 def measured_strings(preset: Preset) -> list[OneString]:
-    """The strings of a preset that meet something, each kind once. Raises PresetError where plans are not measured."""
+    """The strings of a preset that meet something, each kind once, with their ends at rest. Where strings share a body only
+    those that roll on a bridge: blows take more steps than a frame has. Raises PresetError where plans are not measured."""
     if not plannable(preset):
         raise PresetError(
-            f"{preset.name}: a plan can be measured only for strings with rigid ends over rigid points, "
-            "which this preset does not have; the law plans it"
+            f"{preset.name}: a plan can be measured only for strings over rigid points, which this preset does not have; "
+            "the law plans it"
         )
     found: dict[str, OneString] = {}
-    for _, _, alone in single_strings(preset):
-        one = OneString(alone)
-        if one.kind != FREE:
+    for index, _, alone in single_strings(preset):
+        one = OneString(alone, index)
+        if one.kind in ROLLING or not (preset.coupled or one.kind == FREE):
             found.setdefault(one.fingerprint, one)
     return list(found.values())
 
@@ -311,7 +179,7 @@ def measure_plan(
 
     progress: told how much is done, 0 … 1; where it answers False nothing more is measured and Ended raised.
     known: strings of earlier calls with the same strokes, by fingerprint, which are not measured again.
-    Raises PresetError for a preset whose strings share a body, slide on a board, or lie over what is soft.
+    Raises PresetError for a preset whose strings slide on a board, or lie over what is soft.
     """
     strings = measured_strings(preset)
     others = other_strokes(preset)
@@ -322,7 +190,12 @@ def measure_plan(
             return progress is None or progress((before + share) / len(strings))
 
         earlier = (known or {}).get(one.fingerprint)
-        done.append(measure_string(one, others, part) if earlier is None else replace(earlier, name=one.label))
+        together = StringTogether(one, preset) if preset.coupled else None
+
+        def holds(quality: str, found: Measured, among: StringTogether | None = together) -> bool:
+            return among is None or holds_in(among, quality, list(TOGETHER), found)
+
+        done.append(measure_string(one, others, part, holds) if earlier is None else replace(earlier, name=one.label))
     return MeasuredPlan(tuple(done), frozenset(strokes(preset)), VELOCITIES)
 
 
@@ -337,8 +210,10 @@ class Held:
 
 
 def misses(preset: Preset, strokes_played: list[PlanStroke], notes: set[int] | None = None) -> Iterator[Held]:
-    """How the plan of a preset (`Preset.measured`) stands against what is promised, string by string; notes: only these."""
-    for one in measured_strings(preset):
+    """How the plan of a preset (`Preset.measured`) stands against what is promised, string by string; notes: only these.
+    Strings that share a body are played among the others."""
+    for alone in measured_strings(preset):
+        one = StringTogether(alone, preset) if preset.coupled else alone
         row = preset.measured.string(one.fingerprint)
         played = [note for note in one.notes if notes is None or note in notes]
         for quality in {} if row is None or not played else row.qualities:
@@ -352,40 +227,3 @@ def misses(preset: Preset, strokes_played: list[PlanStroke], notes: set[int] | N
                     here = distances_measured(u, exact[note].u, RATE_HZ)
                     ratios += [here[measure] / limit for measure, limit in exact[note].limits[quality]]
                 yield Held(one.label, quality, stroke, max(ratios) if ratios else None)
-
-
-def _modal_hz(string: String) -> np.ndarray:
-    """(n,) modes of a string [Hz], as many as any run may have and one more."""
-    return modal_frequencies(string, MOST_MODES + 1) / (2.0 * math.pi)
-
-
-def _nearer(share: float) -> float:
-    return min(0.95, max(0.02, share))
-
-
-def _shifted(way: Articulation, farther: float) -> dict[str, float]:
-    """The places of an articulation that has its own, farther from the saddle."""
-    places = {key: getattr(way, key) for key in ("position", "position_hard")}
-    return {key: _nearer(value * farther) for key, value in places.items() if value is not None}
-
-
-def _seen(alone: Preset) -> Preset:
-    """The preset with its string's displacement in the first direction as its output, and nothing left to chance."""
-    changed: dict[str, object] = {"hand": Hand(), "articulations": {}}
-    changed["pluck"] = alone.pluck.model_copy(update={"roughness_um": 0.0, "rub_percent": 0.0})
-    if alone.polarisation is not None:
-        changed["polarisation"] = alone.polarisation.model_copy(update={"heard": 0.0})
-    table = alone.string[0].model_copy(update={"gain_db": 0.0})
-    return as_displacement(alone).model_copy(update={**changed, "string": (table,)})
-
-
-def as_displacement(preset: Preset, at: float = SEEN_AT) -> Preset:
-    """A preset whose output is the displacement at a share of the length from the saddle, without body and effects, in units
-    that `in_metres` turns into metres."""
-    output = preset.output.model_copy(update={"kind": "displacement", "position": at, "gain_db": SEEN_GAIN_DB})
-    return preset.model_copy(update={"output": output, "body": type(preset.body)(), "effect": ()})
-
-
-def in_metres(out: np.ndarray) -> np.ndarray:
-    """The displacement [m] that an output of `as_displacement` stands for; any shape."""
-    return out / 10 ** (SEEN_GAIN_DB / 20.0)

@@ -17,7 +17,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from synth.instrument.boards import StringBoard, board_plan, on_board, string_board
-from synth.instrument.coupled_plan import choose_steps
+from synth.instrument.coupled_plan import choose_steps, measured_together
 from synth.instrument.fingerprints import fingerprint, strokes
 from synth.instrument.neck import linear_density, obstacle_under, strung
 from synth.instrument.nut_modes import nut_resonances
@@ -347,18 +347,21 @@ def string_kind(preset: Preset, opened: String, below: Obstacle) -> str:
 
 
 def plannable(preset: Preset) -> bool:
-    """Whether plans are measured of a preset's strings: on ends at rest, over rigid points."""
+    """Whether plans are measured of a preset's strings: over rigid points."""
     shape = preset.obstacle
-    return not preset.coupled and isinstance(shape, PointContacts) and shape.layer is None
+    return isinstance(shape, PointContacts) and shape.layer is None
 
 
-def measured_of(preset: Preset, table: StringTable, note: int, pitch_hz: float, quality: str) -> Measured | None:
-    """What was measured of an open string at this quality; None: nothing that still holds."""
+def measured_of(
+    preset: Preset, table: StringTable, note: int, pitch_hz: float, quality: str, rate_hz: float
+) -> Measured | None:
+    """What was measured of an open string at this quality, for this output rate; None: nothing that still holds."""
     known = preset.measured
     if not known.strings or not plannable(preset) or not known.strokes.issuperset(strokes(preset)):
         return None
     found = known.string(fingerprint(preset, table, note))
-    return None if found is None else found.at(pitch_hz, quality)
+    taken = None if found is None else found.at(pitch_hz, quality)
+    return taken if taken is None or not preset.coupled else measured_together(taken, rate_hz)
 
 
 def output_distance(preset: Preset, string: String, open_length_m: float) -> float:
@@ -547,14 +550,16 @@ def compile_string(
                 raise PresetError(
                     f"{preset.name}: strings that share a body need exact-hold, got {scheme}; leave out one of the two"
                 )
-            steps, error = choose_steps(frequency, kind, quality, rate_hz, internal_rate_hz)
-            internal_rate_hz = steps * rate_hz
         board = measured = None
         under = obstacle_under(preset, table, note)
         if isinstance(under, BoardObstacle):
             board = string_board(preset, under, opened, gain)
         elif scheme == "exact-hold" and internal_rate_hz is None:
-            measured = measured_of(preset, table, note, frequency, quality)
+            measured = measured_of(preset, table, note, frequency, quality, rate_hz)
+        error = ""
+        if preset.coupled and measured is None:
+            steps, error = choose_steps(frequency, kind, quality, rate_hz, internal_rate_hz)
+            internal_rate_hz = steps * rate_hz
         positions = []
         places = string_places(preset, table, note)
         for fret in range(places):
@@ -590,7 +595,7 @@ def compile_string(
                     gain=gain,
                 )
             )
-        if preset.coupled:
+        if error:
             positions = [replace(each, plan=replace(each.plan, error=error)) for each in positions]
     except PresetError:
         raise

@@ -9,6 +9,9 @@ exact but for the bridge's ramp. Held against instruments that were not used to 
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 from synth.instrument.coupled_calibration import FREE_ERROR, HELD, PITCHES_HZ
 from synth.instrument.plan import (
     BRIDGE_ERROR,
@@ -20,7 +23,9 @@ from synth.instrument.plan import (
     IN_HOW_MANY,
     choose_factor,
 )
+from synth.instrument.planfile import Measured
 from synth.instrument.soundboard import step_count
+from synth.solver.coupling import MOST_STEPS
 
 
 def choose_steps(
@@ -30,6 +35,12 @@ def choose_steps(
     ValueError."""
     factor, error = choose_factor(fundamental_hz, kind, quality, rate_hz, internal_rate_hz)
     return step_count(factor), error if internal_rate_hz is not None else promise_together(kind, quality, fundamental_hz)
+
+
+def measured_together(found: Measured, rate_hz: float) -> Measured | None:
+    """What was measured of a string, in steps that divide a frame evenly; None where a frame has not so many."""
+    wanted = max(1, math.ceil(found.rate_hz / rate_hz - 1e-9))
+    return replace(found, rate_hz=step_count(wanted) * rate_hz) if wanted <= MOST_STEPS else None
 
 
 def limits_together(kind: str, quality: str) -> dict[str, float]:

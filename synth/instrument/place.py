@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from synth.instrument.boards import on_board
 from synth.instrument.compile import (
+    Position,
     make_string,
     note_frequency,
     obstacle_of,
@@ -22,8 +25,10 @@ from synth.instrument.preset import (
     fret_count,
     playable_range,
 )
+from synth.physics.modes import mode_shapes
 from synth.physics.obstacle import Obstacle
 from synth.physics.string import String
+from synth.physics.tail import lumped_tail
 from synth.physics.tuning import tuned
 from synth.units import midi_to_note
 
@@ -121,3 +126,13 @@ def find(preset: Preset, note: int) -> NotePlace:
             f"{preset.name}: no string plays {midi_to_note(note)}; its notes lie in {midi_to_note(low)}-{midi_to_note(high)}"
         )
     return best
+
+
+def shapes_at(scene: Speaking, position: Position, x: np.ndarray) -> np.ndarray:
+    """(M, N) what each mode of the position, the lumped ones too, is at places x."""
+    own = position.own
+    if position.omega.size == own:
+        return mode_shapes(position.length_m, x, own)
+    tail = lumped_tail(scene.string, scene.reached.positions_m, own, position.plan.rate_hz)
+    shapes = mode_shapes(position.length_m, x, tail.modes)
+    return np.hstack([shapes[:, :own], tail.weights(shapes)])

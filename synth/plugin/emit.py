@@ -125,7 +125,6 @@ def _settings(level: str) -> dict[str, str]:
 
 def _called_by_address() -> list[tuple[Callable[..., Any], int, bool]]:
     """(function, int64 that it takes, whether it answers): what banks name, and what PortAudio, JACK and tapes call."""
-    from synth.author.views.frames_tape import taped_together
     from synth.dsp.body_effect import BODY
     from synth.dsp.delay_effect import DELAY
     from synth.dsp.limiter_effect import LIMITER
@@ -135,6 +134,7 @@ def _called_by_address() -> list[tuple[Callable[..., Any], int, bool]]:
     from synth.engine.tasks import work_on
     from synth.engine.together import work_together
     from synth.engine.voices.policy import decide
+    from synth.host.frames_tape import taped_together
     from synth.host.string_tape import taped_steps
     from synth.live.callback import serve_portaudio
     from synth.live.jackcallback import CALLED

@@ -7,18 +7,8 @@ from pathlib import Path
 import pytest
 
 from synth import cli
-from synth.fit.plan_measuring import (
-    MARGIN,
-    RATE_HZ,
-    ROLLING_S,
-    Ended,
-    OneString,
-    PlanStroke,
-    measure_plan,
-    measured_strings,
-    misses,
-    other_strokes,
-)
+from synth.fit.plan_measuring import MARGIN, Ended, measure_plan, measured_strings, misses, other_strokes
+from synth.fit.plan_strings import RATE_HZ, ROLLING_S, OneString, PlanStroke
 from synth.instrument.compile import compile_preset
 from synth.instrument.plan import BRIDGE_ERROR
 from synth.instrument.planfile import PROMISED

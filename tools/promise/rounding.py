@@ -9,7 +9,7 @@ import numpy as np
 
 from synth.engine.engine import Engine
 from synth.fit.plan_measures import distances
-from synth.fit.plan_measuring import as_displacement, in_metres
+from synth.fit.plan_strings import as_displacement, in_metres
 from synth.host.batch import played_as
 from synth.instrument.articulations import NORMAL
 from synth.instrument.preset import Preset, list_presets, playable_notes

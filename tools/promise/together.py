@@ -17,8 +17,8 @@ import numpy as np
 
 from promise.runs import RATE_HZ, distances
 from promise.scenes import BRIDGE_STIFFNESS, lowest
-from synth.author.views.frames_tape import Frames, joined, line_of
 from synth.dsp.measures import relative_error
+from synth.host.frames_tape import Frames, joined, line_of
 from synth.instrument.compile import string_kind
 from synth.instrument.place import find, speaking
 from synth.instrument.plan import FREE

@@ -29,10 +29,10 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from synth.author.views.frames_tape import string_number
 from synth.author.views.runs import differences, run
 from synth.engine.engine import Engine
 from synth.engine.engine_settings import SETTINGS
+from synth.host.frames_tape import string_number
 from synth.host.string_tape import QUALITY, RATE_HZ
 from synth.instrument.boards import board_plan
 from synth.instrument.compile import measured_of, note_frequency, string_kind
@@ -113,7 +113,7 @@ def estimate(
 def _quality(preset: Preset, place: NotePlace, scene: Speaking, kind: str, quality: str, rate_hz: float) -> dict[str, Any]:
     """What a quality takes and promises on the string of a place."""
     open_hz = note_frequency(place.preset, place.table, place.opened, None)
-    found = measured_of(place.preset, place.table, place.opened, open_hz, quality)
+    found = measured_of(place.preset, place.table, place.opened, open_hz, quality, rate_hz)
     contacts = len(scene.reached)
     plan = None
     if found is not None:

@@ -9,9 +9,9 @@ import numpy as np
 
 from synth.author.views.coupled_motion import FLOOR_DB
 from synth.author.views.decays import stages
-from synth.author.views.frames_tape import Frames, joined
 from synth.fit.exponential import Bands
 from synth.host.contacts import Forces, gather, touches
+from synth.host.frames_tape import Frames, joined
 from synth.instrument.compile import Position
 from synth.instrument.place import NotePlace
 from synth.instrument.preset import Preset

@@ -23,8 +23,8 @@ from typing import Any
 import numpy as np
 
 from synth.author.views.film_shapes import line_at_finger, mostly_zero, places_along, rounded
-from synth.author.views.frames_tape import Frames, Shots, joined
 from synth.author.views.instrument import draw
+from synth.host.frames_tape import Frames, Shots, joined
 from synth.instrument.compile import string_notes
 from synth.instrument.place import find, speaking
 from synth.instrument.preset import BridgeObstacle, Preset, at_note

@@ -6,10 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from synth.instrument.compile import Position
 from synth.instrument.place import Speaking
-from synth.physics.modes import mode_shapes
-from synth.physics.tail import lumped_tail
 
 #: places along the speaking string; near a bridge, from its saddle, in shares of the bridge's distance
 EVEN = 96
@@ -27,16 +24,6 @@ def places_along(scene: Speaking) -> np.ndarray:
         places.append(length - near if contacts[0] > 0.5 * length else near)
     x = np.unique(np.round(np.concatenate(places), 7))
     return x[(x >= 0.0) & (x <= length)]
-
-
-def shapes_at(scene: Speaking, position: Position, x: np.ndarray) -> np.ndarray:
-    """(M, N) what each mode of the position, the lumped ones too, is at places x."""
-    own = position.own
-    if position.omega.size == own:
-        return mode_shapes(position.length_m, x, own)
-    tail = lumped_tail(scene.string, scene.reached.positions_m, own, position.plan.rate_hz)
-    shapes = mode_shapes(position.length_m, x, tail.modes)
-    return np.hstack([shapes[:, :own], tail.weights(shapes)])
 
 
 def line_at_finger(rest: np.ndarray, x: np.ndarray, drawing: dict[str, Any], nut: float) -> float:

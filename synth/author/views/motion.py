@@ -36,10 +36,10 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from synth.author.views.coupled_motion import film_together
-from synth.author.views.film_shapes import line_at_finger, mostly_zero, places_along, rounded, shapes_at
+from synth.author.views.film_shapes import line_at_finger, mostly_zero, places_along, rounded
 from synth.author.views.instrument import draw
 from synth.host.string_tape import QUALITY, RATE_HZ, Taped
-from synth.instrument.place import find, speaking
+from synth.instrument.place import find, shapes_at, speaking
 from synth.instrument.preset import Preset
 from synth.solver.block_rows import BLOCK
 

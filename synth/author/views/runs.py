@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from synth.author.views.frames_tape import Frames, line_of
 from synth.dsp.measures import log_spectral_distance, relative_error, third_octave_distance
 from synth.engine.engine import Engine
 from synth.fit.plan_measures import ONSET_S
-from synth.fit.plan_measuring import as_displacement, in_metres
+from synth.fit.plan_strings import as_displacement, in_metres
+from synth.host.frames_tape import Frames, line_of
 from synth.host.string_tape import RATE_HZ
 from synth.instrument.compile import Position
 from synth.instrument.place import NotePlace

@@ -7,9 +7,9 @@ import pytest
 
 from synth.author.views.body_peaks import describe_body
 from synth.author.views.coupled_motion import FLOOR_DB
-from synth.author.views.frames_tape import Frames, joined
 from synth.author.views.motion import film
 from synth.engine.engine import Engine
+from synth.host.frames_tape import Frames, joined
 from synth.host.string_tape import RATE_HZ
 from synth.instrument.place import find
 from synth.instrument.preset import Preset

@@ -1,6 +1,6 @@
 """An engine that keeps a tape of an instrument whose strings share a bridge: its state after frames of the output rate.
 
-As `host.string_tape` has it for a single string: an observer stands in the place of `together.work_together`, and has the
+As `string_tape` has it for a single string: an observer stands in the place of `together.work_together`, and has the
 same frames made in stretches that end where the tape wants to look. A frame is computed by itself where a stretch is shorter
 than a block of the kernels, which rounds otherwise; nothing else differs from what sounds.
 """
@@ -13,13 +13,12 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from synth.author.views.film_shapes import shapes_at
 from synth.engine.core import CORE_WORDS, bank_of, hand_of, progress_of, shared_of, string_of
 from synth.engine.engine import Engine
 from synth.engine.layout import BEGIN, FIRST_QUANTUM, NO_FINGER, QUANTUM, STRETCH, TASK, TOGETHER, UNTIL, WHOLE
 from synth.host.string_tape import QUALITY, RATE_HZ
 from synth.instrument.compile import CompiledString, Position, second_direction
-from synth.instrument.place import NotePlace, speaking
+from synth.instrument.place import NotePlace, shapes_at, speaking
 from synth.instrument.preset import Preset
 from synth.instrument.soundboard import Soundboard
 from synth.midi.events import EVENT, NOTE_ON, make_events
