@@ -65,7 +65,7 @@ def plan(preset: Preset, **more: float) -> MeasuredPlan:
 
 
 def known(preset: Preset, of: MeasuredPlan) -> bool:
-    return measured_of(preset.with_measured(of), preset.string[0], 43, 98.0, "standard") is not None
+    return measured_of(preset.with_measured(of), preset.string[0], 43, 98.0, "standard", 44100.0) is not None
 
 
 def test_what_is_written_is_read() -> None:
@@ -181,6 +181,24 @@ def test_the_rate_is_kept_at_other_output_rates() -> None:
     assert factors == [2, 2, 1, 1]
     far = make().with_measured(plan(make(), rate_hz=(MAXIMUM_FACTOR + 1) * 44100.0))
     assert not compile_preset(far).strings[0].positions[0].plan.measured
+
+
+def test_strings_that_share_a_body_take_steps_that_divide_a_frame() -> None:
+    """A rate of three steps takes four; one of more than a frame has leaves the string to the law."""
+    body = "[[body.mode]]\nfrequency_hz = 150\nq = 10\nmass_kg = 1.0\nshape = [1.0]"
+    preset = make(rest=f'[output]\nkind = "body"\n{body}')
+    law = compile_preset(preset).strings[0].positions[0].plan
+    taken = []
+    for times in (1, 3, 4, 9):
+        found = plan(preset, rate_hz=times * 44100.0)
+        made = compile_preset(preset.with_measured(found)).strings[0].positions[0].plan
+        taken.append((made.factor, made.measured))
+        assert not made.measured or made.modes < law.modes
+    assert taken == [(1, True), (4, True), (4, True), (law.factor, False)]
+    with_plan = preset.with_measured(plan(preset, rate_hz=2 * 44100.0))
+    assert compile_preset(with_plan, rate_hz=96000.0).strings[0].positions[0].plan.factor == 1
+    mine = compile_preset(with_plan, internal_rate_hz=4 * 44100.0).strings[0].positions[0].plan
+    assert mine.factor == 4 and not mine.measured
 
 
 def test_a_string_tuned_up_takes_a_rate_in_proportion() -> None:

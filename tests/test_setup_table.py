@@ -467,7 +467,9 @@ def test_the_shipped_bass_is_played_with_a_luthiers_numbers() -> None:
     preset = Preset.model_validate(data)
     assert problems(preset) == []
     table = preset.string[0]
-    assert measured_of(preset.with_measured(load_preset("fretted-bass").measured), table, 28, 41.2, "standard") is None
+    assert (
+        measured_of(preset.with_measured(load_preset("fretted-bass").measured), table, 28, 41.2, "standard", 44100.0) is None
+    )
 
 
 def test_the_example_of_the_page_is_a_guitar() -> None:

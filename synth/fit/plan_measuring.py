@@ -8,7 +8,8 @@ held against a run at several times the rate of the quality `reference`, which i
 with fewer modes: as tools/calibrate-plan does it for random strings. A plan must keep `MARGIN` of each limit in the strokes
 measured, and the limits themselves in `OTHERS`: between, harder, nearer to the saddle and farther from it, and in the other
 strokes of the preset. What is heard of the highs counts beside the promise. A plan costs less than the law's, unless the law
-itself misses the promise on that string: then it may have up to `DEARER` times the law's rate.
+itself misses the promise on that string: then it may have up to `DEARER` times the law's rate. Where nothing keeps the
+margin, neither does the law; a cheaper plan that is as near to the truth in every stroke, within `NEAR`, is taken then.
 
 A string that shares a body with others is measured so with its end at rest, and what is found there is held against a
 converged run of the whole instrument as well, in the strokes `TOGETHER` of its lowest, middle and highest note.
@@ -42,6 +43,9 @@ HIGHEST_HZ = (6000.0, 7000.0, 8000.0, 9000.0, 10000.0, 12000.0, 14000.0, 16000.0
 CHEAPER = 0.97
 #: times the law's rate that a plan may have on a string where the law misses the promise
 DEARER = 3.0
+#: where no plan keeps the margin: how much farther from the truth than with the law's rate and modes a cheaper one may be,
+#: as a share of each limit
+NEAR = 0.05
 #: modes go so far at least, whatever the figures say [Hz]
 LEAST_HZ = {"draft": 6000.0, "standard": 8000.0, "fine": 14000.0}
 #: strokes that a plan is held to beside those measured: (velocity, times the place)
@@ -51,8 +55,8 @@ ROLLING_VELOCITIES = (15, 20, 30, 35, 50, 64, 90, 105)
 #: strokes that a plan is held to in the whole instrument, where strings share a body
 TOGETHER = (PlanStroke(120),)
 
-#: (quality, what it would take) → whether that keeps the promise
-Holds = Callable[[str, Measured], bool]
+#: (quality, what it would take, near: as of `_fewest`) → whether that keeps the promise
+Holds = Callable[[str, Measured, float | None], bool]
 
 #: told how much is done (0 … 1); False: it is to end
 Progress = Callable[[float], bool]
@@ -93,29 +97,41 @@ def measure_string(one: OneString, others: list[PlanStroke], progress: Progress,
             if found is not None:
                 qualities[quality] = found
                 break
+        for factor in (each for each in one.factors if quality not in qualities and each <= law):
+            found = _fewest(one, quality, factor, measured, others, holds, NEAR)
+            if found is not None:
+                qualities[quality] = found
+                break
         step(0.5 / len(PROMISED))
     return MeasuredString(one.label, midi_to_note(one.note), round(one.pitch_hz, 3), one.fingerprint, qualities)
 
 
 def _fewest(
-    one: OneString, quality: str, factor: int, measured: list[PlanStroke], others: list[PlanStroke], holds: Holds
+    one: OneString,
+    quality: str,
+    factor: int,
+    measured: list[PlanStroke],
+    others: list[PlanStroke],
+    holds: Holds,
+    near: float | None = None,
 ) -> Measured | None:
     """The fewest modes at an internal rate that keep `MARGIN` of a promise, as any more do, and all of it in other strokes.
 
-    None where none do, or they cost what the law's cost at a rate that is not above the law's."""
+    near: what is farther from a limit will do where it is no farther than with the law's rate and modes, within so much of
+    the limit. None where none do, or they cost what the law's cost at a rate that is not above the law's."""
     law = one.law(quality)
     most = law * one.modes(0.5 * law * RATE_HZ)
     half = 0.5 * factor * RATE_HZ
     kept: list[Measured] = []
     for highest in (half, *(hz for hz in reversed(HIGHEST_HZ) if LEAST_HZ[quality] <= hz < half)):
         found = Measured(float(factor * RATE_HZ), highest, one.modes(highest), {})
-        figures = _kept(one, quality, measured, found) if found.modes else None
+        figures = _kept(one, quality, measured, found, near) if found.modes else None
         if figures is None:
             break
         kept.append(replace(found, figures={name: float(f"{value:.2g}") for name, value in figures.items()}))
     for found in reversed(kept):
         cheaper = factor > law or factor * found.modes < CHEAPER * most
-        if cheaper and holds_in(one, quality, others, found) and holds(quality, found):
+        if cheaper and holds_in(one, quality, others, found, near) and holds(quality, found, near):
             return found
     return None
 
@@ -128,20 +144,38 @@ def _law_stands(one: OneString, quality: str, measured: list[PlanStroke], others
     return not one.can_judge(quality, measured) or holds_in(one, quality, [*measured, *others], found)
 
 
-def holds_in(one: OneString, quality: str, strokes_played: list[PlanStroke], found: Measured) -> bool:
-    """Whether a rate and modes keep a promise in strokes of the lowest, middle and highest note."""
+def holds_in(
+    one: OneString, quality: str, strokes_played: list[PlanStroke], found: Measured, near: float | None = None
+) -> bool:
+    """Whether a rate and modes keep a promise in strokes of the lowest, middle and highest note; near: as of `_fewest`."""
     few = sorted({one.notes[0], one.notes[len(one.notes) // 2], one.notes[-1]})
-    return all(ratio <= 1.0 for stroke in strokes_played for ratio, _ in one.figures(quality, few, stroke, found))
+    for stroke in strokes_played:
+        law = {} if near is None else one.by_law(quality, few, stroke)
+        for note, ratios, _ in one.figures(quality, few, stroke, found):
+            if not _within(1.0, ratios, law.get(note, {}), near):
+                return False
+    return True
 
 
-def _kept(one: OneString, quality: str, measured: list[PlanStroke], found: Measured) -> Figures | None:
-    """The worst of each measure, where `KEPT` of the notes are within `MARGIN` of limits and none beyond `FARTHEST`."""
+def _within(most: float, ratios: Figures, law: Figures, near: float | None) -> bool:
+    """Whether errors over their limits are at most so much, or so near to those of the law."""
+    return all(
+        ratio <= most or (near is not None and ratio <= law.get(name, -math.inf) + near and math.isfinite(ratio))
+        for name, ratio in ratios.items()
+    )
+
+
+def _kept(one: OneString, quality: str, measured: list[PlanStroke], found: Measured, near: float | None) -> Figures | None:
+    """The worst of each measure, where `KEPT` of the notes are within `MARGIN` of limits and none beyond `FARTHEST`, or near
+    to what the law makes of them."""
     worst: Figures = {}
     over, allowed = 0, int((1.0 - KEPT) * len(one.notes) * len(measured))
     for stroke in measured:
-        for ratio, here in one.figures(quality, one.notes, stroke, found):
-            over += not ratio <= MARGIN
-            if over > allowed or not ratio <= FARTHEST:
+        law = {} if near is None else one.by_law(quality, one.notes, stroke)
+        for note, ratios, here in one.figures(quality, one.notes, stroke, found):
+            of_law = law.get(note, {})
+            over += not _within(MARGIN, ratios, of_law, near)
+            if over > allowed or not _within(FARTHEST, ratios, of_law, near):
                 return None
             worst = {name: max(here.get(name, 0.0), worst.get(name, 0.0)) for name in here | worst}
     return worst
@@ -161,8 +195,8 @@ def measured_strings(preset: Preset) -> list[OneString]:
     those that roll on a bridge: blows take more steps than a frame has. Raises PresetError where plans are not measured."""
     if not plannable(preset):
         raise PresetError(
-            f"{preset.name}: a plan can be measured only for strings over rigid points, which this preset does not have; "
-            "the law plans it"
+            f"{preset.name}: a plan can be measured only for strings over rigid points, and of strings that share a body "
+            f"only over a bridge, got obstacle.kind {preset.obstacle.kind!r}; the law plans it"
         )
     found: dict[str, OneString] = {}
     for index, _, alone in single_strings(preset):
@@ -192,8 +226,8 @@ def measure_plan(
         earlier = (known or {}).get(one.fingerprint)
         together = StringTogether(one, preset) if preset.coupled else None
 
-        def holds(quality: str, found: Measured, among: StringTogether | None = together) -> bool:
-            return among is None or holds_in(among, quality, list(TOGETHER), found)
+        def holds(quality: str, found: Measured, near: float | None, among: StringTogether | None = together) -> bool:
+            return among is None or holds_in(among, quality, list(TOGETHER), found, near)
 
         done.append(measure_string(one, others, part, holds) if earlier is None else replace(earlier, name=one.label))
     return MeasuredPlan(tuple(done), frozenset(strokes(preset)), VELOCITIES)

@@ -95,6 +95,7 @@ class OneString:
         self.notes = [self.note + fret for fret in range(min(fret_count(alone, self.table), 127 - self.note) + 1)]
         self.seconds = ROLLING_S if self.kind in ROLLING else IMPACTS_S
         self._known: dict[tuple[int, PlanStroke], Judged] = {}
+        self._law: dict[tuple[str, tuple[int, ...], PlanStroke], dict[int, Figures]] = {}
 
     def modes(self, highest_hz: float) -> int:
         """Modes of the open string up to a frequency."""
@@ -190,16 +191,25 @@ class OneString:
 
     def figures(
         self, quality: str, notes: list[int], stroke: PlanStroke, found: Measured
-    ) -> Iterator[tuple[float, Figures]]:
-        """For each note (the worst of error over limit, measure → error); infinite where nothing can be judged."""
+    ) -> Iterator[tuple[int, Figures, Figures]]:
+        """(note, measure → error over limit, measure → error), the former infinite where nothing can be judged."""
         known = self.references(notes, stroke)
         if not all(known[note].limits[quality] for note in notes):
-            yield math.inf, {}
+            yield notes[0], {"e": math.inf}, {}
             return
         for note, u in self.runs(notes, stroke, round(found.rate_hz / RATE_HZ), found.highest_hz):
             here = distances_measured(u, known[note].u, RATE_HZ)
             limits = known[note].limits[quality]
-            yield max(here[measure] / limit for measure, limit in limits), {measure: here[measure] for measure, _ in limits}
+            yield note, {name: here[name] / limit for name, limit in limits}, {name: here[name] for name, _ in limits}
+
+    def by_law(self, quality: str, notes: list[int], stroke: PlanStroke) -> dict[int, Figures]:
+        """For each note measure → error over limit with the rate and modes of the law, played once."""
+        key = quality, tuple(notes), stroke
+        if key not in self._law:
+            rate = float(self.law(quality) * RATE_HZ)
+            played = self.figures(quality, notes, stroke, Measured(rate, 0.5 * rate, 1, {}))
+            self._law[key] = {note: ratios for note, ratios, _ in played}
+        return self._law[key]
 
 
 class StringTogether(OneString):

@@ -347,9 +347,9 @@ def string_kind(preset: Preset, opened: String, below: Obstacle) -> str:
 
 
 def plannable(preset: Preset) -> bool:
-    """Whether plans are measured of a preset's strings: over rigid points."""
+    """Whether plans are measured of a preset's strings: over rigid points, and where they share a body, over a bridge."""
     shape = preset.obstacle
-    return isinstance(shape, PointContacts) and shape.layer is None
+    return isinstance(shape, BridgeObstacle if preset.coupled else PointContacts) and shape.layer is None
 
 
 def measured_of(
