@@ -1,5 +1,6 @@
 import dataclasses
 import math
+import platform
 
 import numpy as np
 import pytest
@@ -101,7 +102,8 @@ def test_the_first_mode_that_tuning_asks_for_is_the_models(law):
     for tension in np.geomspace(5.0, 400.0, 60):
         string = String(0.9, tension, 5e-3, 2e-4, 1e-3, stiffness_law=law, nut=NUT)
         of = _first_mode(dataclasses.replace(string, tension_n=100.0))
-        np.testing.assert_array_max_ulp(of(tension), model_frequencies(string, 1)[0], 1)
+        ulps = 0 if platform.machine() == "x86_64" else 2  # others contract what NumPy multiplies and adds
+        np.testing.assert_array_max_ulp(of(tension), model_frequencies(string, 1)[0], ulps)
 
 
 @given(
