@@ -83,7 +83,8 @@ def test_a_threshold_beyond_the_limit_agrees_with_one_near_it(found: float, true
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", range(6))
-def test_random_notes_agree_with_whole_runs_at_reference(number: int) -> None:
-    row = compared(drawn(2, number))
+def test_random_notes_agree_with_whole_runs(number: int) -> None:
+    """At `fine`: of notes 2 and 5 `reference` says the same within 0.3 %. `tools/setup-truth` runs that of all."""
+    row = compared(drawn(2, number), "fine")
     assert abs(row.touch_deviation) <= AGREED, row.cells
     assert abs(row.buzz_deviation) <= AGREED, row.cells
