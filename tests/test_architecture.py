@@ -247,7 +247,7 @@ STILL_LARGE = {
     "Board", "Coupling", "CoupledStudy", "End", "Model", "Run", "RunTables", "Scratch", "Shared", "State",
     "StringModel", "StringState", "TwoStepModel", "TwoStepState", "Voices", "WallRun",
     "RenderReport", "RenderSettings", "SessionSettings", "LiveReport", "Meters", "Exchange", "Latency",
-    "RenderOptions", "Overrides", "Spot", "Position", "CompiledString", "String",
+    "RenderOptions", "Overrides", "Position", "CompiledString", "String",
 }  # fmt: skip
 
 
