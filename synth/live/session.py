@@ -526,10 +526,10 @@ class Session(Uncopied):
     def _look(self) -> Meters:
         """Reads the meters and shows them."""
         meters = self.deck.meters()
-        self._loads[min(int(meters.load_median * 1000.0), LOAD_BINS - 1)] += 1
+        self._loads[min(int(meters.load.median * 1000.0), LOAD_BINS - 1)] += 1
         self._say_sparing(meters.spare_db > -math.inf)
-        self._recent.append(meters.load_worst)
-        self._worst = max(self._worst, meters.load_worst)
+        self._recent.append(meters.load.worst)
+        self._worst = max(self._worst, meters.load.worst)
         if meters.peak >= db_to_gain(QUIET_DBFS):
             self._loud_at = meters.frames
         recorded_s = meters.frames / self.rate_hz if self._settings.record is not None else None
@@ -538,18 +538,18 @@ class Session(Uncopied):
         self._unplayed = unplayed
         self._line.show(
             Status(
-                load_median=meters.load_median,
+                load_median=meters.load.median,
                 load_worst=max(self._recent),
                 xruns=self._xruns(meters),
                 strings=meters.strings,
                 peak=meters.peak,
-                note=meters.last_note if meters.last_velocity else -1,
-                velocity=meters.last_velocity,
+                note=meters.last.note if meters.last.velocity else -1,
+                velocity=meters.last.velocity,
                 recorded_s=recorded_s,
                 spare_db=meters.spare_db,
                 events_lost=self._events_lost(meters),
-                unplayed=self._unplayable.look(changed, meters.last_note, time.monotonic()),
-                articulation=self._switches.get(meters.last_note, "") if meters.last_velocity else "",
+                unplayed=self._unplayable.look(changed, meters.last.note, time.monotonic()),
+                articulation=self._switches.get(meters.last.note, "") if meters.last.velocity else "",
                 position=self._position(meters.frames),
             )
         )
@@ -677,7 +677,7 @@ class Session(Uncopied):
             late_ours=meters.late_ours,
             late_machine=meters.late_others,
             load_median=int(np.searchsorted(np.cumsum(self._loads), 0.5 * self._loads.sum())) / 1000.0,
-            load_worst=max(self._worst, meters.load_worst),
+            load_worst=max(self._worst, meters.load.worst),
             events=meters.events,
             events_lost=self._events_lost(meters),
             recording_lost=meters.recording_lost,
