@@ -246,8 +246,6 @@ FILE_TABLES = {"StringTable", "Preset", "Articulation", "Pluck"}
 STILL_LARGE = {
     "Board", "Coupling", "CoupledStudy", "End", "Model", "Run", "RunTables", "Scratch", "Shared", "State",
     "StringModel", "StringState", "TwoStepModel", "TwoStepState", "Voices", "WallRun",
-    "RenderReport", "RenderSettings", "SessionSettings", "LiveReport",
-    "RenderOptions", "Overrides", "Position", "CompiledString", "String",
 }  # fmt: skip
 
 
