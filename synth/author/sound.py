@@ -397,7 +397,7 @@ class PagePlayer:
             self._stop()
         elif time.monotonic() - self._began >= LOAD_S:
             self._began = time.monotonic()
-            self._emit({"type": "load", "cpu": self._speaker.meters().cpu_median})
+            self._emit({"type": "load", "cpu": self._speaker.meters().load.cpu_median})
 
     def _end(self) -> None:
         self._running = False

@@ -170,6 +170,26 @@ def engine_options(options: argparse.Namespace) -> EngineOptions:
     return cast(EngineOptions, {name: value for name, value in given.items() if value is not None})
 
 
+def playing_options(options: argparse.Namespace) -> dict[str, Any]:
+    """The fields of `PlayingSettings` as `synth render` and `synth play` are given them. Raises ValueError."""
+    from synth.host.bindings import parse_bindings
+    from synth.host.parts import parse_channel_map
+
+    return {
+        "preset": options.preset,
+        "channel_presets": parse_channel_map(options.map),
+        "settings": options.settings,
+        "variation": options.variation,
+        "tuning": options.tuning,
+        "keyboard": options.kbm,
+        "bindings": parse_bindings(options.cc),
+        "gm": options.gm,
+        "only_strings": options.only_strings,
+        "bit_depth": options.bit_depth,
+        **engine_options(options),
+    }
+
+
 def add_physics(group: Any, default_rate: int | None = 44100) -> None:
     """Options that every command with a rate and a quality has."""
     group.add_argument(

@@ -17,8 +17,8 @@ from synth.cli.common import (
     add_threads,
     add_verbose,
     asked_by_signals,
-    engine_options,
     number,
+    playing_options,
     print_unless_gone,
     seconds_or,
 )
@@ -134,33 +134,20 @@ def _play(options: argparse.Namespace) -> int:
         else:
             song_keys = bool(options.play)
 
-    from synth.host import parts
-
-    channel_presets = parts.parse_channel_map(options.map)
-    from synth.host.bindings import parse_bindings
-
-    bindings = parse_bindings(options.cc)
+    playing = playing_options(options)
     if options.record is not None:
         from synth.files.targets import check_apart
+        from synth.host import parts
         from synth.live.recorder import files_written
 
         read = parts.files_read(
-            [options.preset, *channel_presets.values()], song=options.play, tuning=options.tuning, kbm=options.kbm
+            [options.preset, *playing["channel_presets"].values()], song=options.play, tuning=options.tuning, kbm=options.kbm
         )
         check_apart(read, files_written(options.record))
     from synth.live.session import Session, SessionSettings, Stop
     from synth.live.status import StatusLine
 
     settings = SessionSettings(
-        preset=options.preset,
-        channel_presets=channel_presets,
-        settings=options.settings,
-        tuning=options.tuning,
-        keyboard=options.kbm,
-        bindings=bindings,
-        gm=options.gm,
-        only_strings=options.only_strings,
-        variation=options.variation,
         song=options.play,
         device=options.device,
         jack=options.jack,
@@ -175,10 +162,9 @@ def _play(options: argparse.Namespace) -> int:
         keys=keys,
         song_keys=song_keys,
         record=options.record,
-        bit_depth=options.bit_depth,
         duration_s=options.duration,
         measure_latency=options.measure_latency,
-        **engine_options(options),
+        **playing,
     )
     line = StatusLine(quiet=options.quiet)
     stop = Stop()

@@ -18,8 +18,8 @@ from synth.cli.common import (
     add_setting,
     add_threads,
     add_verbose,
-    engine_options,
     number,
+    playing_options,
     tail,
     warner,
 )
@@ -113,41 +113,26 @@ def _render(options: argparse.Namespace) -> int:
         )
     if options.output is None and options.stems is None:
         options.output = _default_output(options.midi, options.format)
+    playing = playing_options(options)
     from synth.host.compass import parse_transpose
-    from synth.host.parts import parse_channel_map
-
-    channel_presets = parse_channel_map(options.map)
-    from synth.host.bindings import parse_bindings
-
-    bindings = parse_bindings(options.cc)
     from synth.host.render import RenderSettings, render_file
 
     settings = RenderSettings(
         midi=options.midi,
         output=options.output,
-        preset=options.preset,
-        channel_presets=channel_presets,
-        settings=options.settings,
         rate_hz=options.rate,
         block=options.block,
         normalize_dbfs=options.normalize,
         tail=options.tail,
         stems=options.stems,
         container=options.format,
-        bit_depth=options.bit_depth,
         start_s=options.start,
         end_s=options.end,
-        variation=options.variation,
-        tuning=options.tuning,
-        keyboard=options.kbm,
-        bindings=bindings,
         transpose=parse_transpose(options.transpose),
         fold=options.fold,
-        gm=options.gm,
-        only_strings=options.only_strings,
         fallback=options.fallback,
         rest=options.rest,
-        **engine_options(options),
+        **playing,
     )
 
     with ProgressLine(not options.quiet and sys.stderr.isatty()) as line:

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any, Self, Unpack, cast
 
 import numpy as np
 
-from synth.engine.engine_settings import EngineOptions
 from synth.host import offline, parts
 from synth.host.batch import Note
 from synth.host.compass import unplayed_lines
 from synth.host.notelist import as_played, is_phrase, phrase_of
+from synth.host.playing_settings import PlayingOptions
 from synth.host.render import RenderSettings, render_song
 from synth.host.soundclip import Sound
 from synth.midi.messages import song_from
@@ -22,7 +22,6 @@ from synth.units import db_to_gain
 if TYPE_CHECKING:
     import mido
 
-    from synth.engine.parameters import Binding
     from synth.instrument.preset import Preset
 
 
@@ -30,26 +29,18 @@ if TYPE_CHECKING:
 Rendered = Sound
 
 
-class RenderOptions(EngineOptions, total=False):
+class RenderOptions(PlayingOptions, total=False):
     """What else `render` may be given by name: fields of `RenderSettings`."""
 
-    settings: Sequence[tuple[str | None, str, str]]
     block: int
     normalize_dbfs: float | None
     tail: float | str | None
     container: str | None
-    bit_depth: str
     start_s: float
     end_s: float | None
-    variation: float
-    tuning: str | None
-    keyboard: str | None
-    bindings: dict[int, list[Binding]]
     transpose: dict[int | None, int]
     fold: bool | None
     fallback: str | None
-    gm: bool
-    only_strings: bool
     rest: str | None
 
 
@@ -150,7 +141,13 @@ def render(
     else:
         title, music = song_from(song, rate_hz, mpe)
     wanted = RenderSettings(
-        title, "the array", None if preset is None else name(preset), by_channel, rate_hz=rate_hz, **settings
+        title,
+        "the array",
+        preset=None if preset is None else name(preset),
+        channel_presets=by_channel,
+        made=made,
+        rate_hz=rate_hz,
+        **settings,
     )
     kept: list[_Arrays] = []
 
@@ -158,7 +155,7 @@ def render(
         kept.append(_Arrays(settings, labels if stems else []))
         return kept[0]
 
-    report = render_song(music, wanted, outputs, presets=made, warn=warn or (lambda text: None), progress=progress)
+    report = render_song(music, wanted, outputs, warn=warn or (lambda text: None), progress=progress)
     report.output = None
     for text in unplayed_lines(report.unplayed, report.notes):
         report.warnings.append(text)

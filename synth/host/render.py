@@ -6,18 +6,19 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, closing, suppress
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, Protocol, Self
 
 import numpy as np
 
-from synth.engine.engine_settings import EngineSettings
 from synth.files.targets import Named, check_apart, is_special
-from synth.host import audiofile, compass, offline, parts, rest, scala
+from synth.host import audiofile, compass, offline, parts, rest
 from synth.host.bindings import check_parts
 from synth.host.compass import Arrangement, Wishes, channel_line
+from synth.host.performance import Performance, counted, of_strings
+from synth.host.playing_settings import PlayingSettings
 from synth.host.preset_sources import sources_of_presets
 from synth.host.soundfont import SoundFont
 from synth.midi.events import NOTE_OFF, NOTE_ON
@@ -27,7 +28,6 @@ from synth.solver.schemes import energy_warning
 from synth.units import db_to_gain, gain_to_db, midi_to_note
 
 if TYPE_CHECKING:
-    from synth.engine.parameters import Binding
     from synth.instrument.preset import Preset
 
 # Longer than anybody means: such a file has a broken tempo or time, and would fill the disk.
@@ -42,47 +42,33 @@ SILENT_KEY = "the keyboard mapping leaves this key silent"
 
 
 @dataclass(frozen=True)
-class RenderSettings(EngineSettings):
+class RenderSettings(PlayingSettings):
     """What to render and how; times in seconds. `threads` is 'auto' where no other number is given.
 
     output: file name, '-' for standard output, or None if only stems are wanted.
-    preset: for all channels but percussion (None: the programs choose).
-    gm: whether programs choose by the whole table of General MIDI also in a take of a session where they did not.
-    only_strings: programs that are no plucked or struck strings are left out.
-    rest: SoundFont file that plays these programs and percussion, or None.
-    channel_presets: channel 0…15 → preset or 'none', before `preset`.
-    settings: [(preset or None for all, dotted key, value)] changed in the presets before they are used.
-    bindings: controller → live parameters it sets, see `bindings.parse_bindings`.
+    rest: SoundFont file that plays programs that are no strings, and percussion, or None.
     transpose, fold, fallback: what becomes of notes before they are played, see `compass.Wishes`; fold None: those of
     presets that a program chose are folded, but in a take.
     tail: 'auto', seconds, or None: 'auto', but nothing after an explicit end.
     normalize_dbfs: peak to scale the mix to, or None. It takes the limiter's place: nothing is limited then.
+    Others as in `playing_settings.PlayingSettings`: preset, channel_presets, settings, tuning, bindings, …
     """
 
     midi: str
     output: str | None
-    preset: str | None = None
-    channel_presets: dict[int, str] = field(default_factory=dict)
-    settings: Sequence[tuple[str | None, str, str]] = ()
+    _: KW_ONLY
     rate_hz: int = 44100
     block: int = 1024
-    threads: int | str = field(default="auto", kw_only=True)
+    threads: int | str = "auto"
     normalize_dbfs: float | None = None
     tail: float | str | None = None
     stems: str | None = None
     container: str | None = None
-    bit_depth: str = "24"
     start_s: float = 0.0
     end_s: float | None = None
-    variation: float = 1.0
-    tuning: str | None = None
-    keyboard: str | None = None
-    bindings: dict[int, list[Binding]] = field(default_factory=dict)
     transpose: dict[int | None, int] = field(default_factory=dict)
     fold: bool | None = None
     fallback: str | None = None
-    gm: bool = False
-    only_strings: bool = False
     rest: str | None = None
 
     def wishes(self, song: Song) -> Wishes:
@@ -91,12 +77,33 @@ class RenderSettings(EngineSettings):
 
     def choice(self, song: Song, of_rest: frozenset[int] = frozenset()) -> parts.Choice:
         """Which presets the song's channels are to have, and which of the programs `of_rest` a SoundFont is to play."""
-        gm = self.gm or song.gm
-        return parts.Choice(self.preset, self.channel_presets, gm, self.only_strings, song.switching, of_rest)
+        return self.choosing(gm=self.gm or song.gm, switching=song.switching, of_rest=of_rest)
 
 
-@dataclass
-class RenderReport:
+@dataclass(kw_only=True)
+class Arranged:
+    """Which channels of a song played what, and which did not; each field as `RenderReport` says."""
+
+    channels: list[dict[str, Any]]
+    left_out: dict[int, int]
+    stand_ins: list[dict[str, Any]]
+    skipped: list[dict[str, Any]]
+    rest: dict[str, Any] | None
+
+    def lines_of_programs(self) -> list[str]:
+        """Of programs that are no plucked strings, for people."""
+        lines = []
+        if self.stand_ins:
+            lines.append(f"  {compass.stand_in_line(self.stand_ins)}")
+        if self.rest is not None:
+            lines.append(f"  {rest.line(self.rest)}")
+        if self.skipped:
+            lines.append(f"  {compass.skipped_line(self.skipped)}")
+        return lines
+
+
+@dataclass(kw_only=True)
+class RenderReport(Performance, Arranged):
     """What was rendered and how, in a sound's `report`; `as_dict` gives plain values for JSON. Notes between start and end
     count.
 
@@ -147,42 +154,21 @@ class RenderReport:
     (1, 'exact-hold', 'float32')
     """
 
-    output: str | None
     stems: list[str]
     silent_stems: list[str]
     stems_lowered_db: float
-    rate_hz: int
     quality: str
     scheme: str
     precision: str
-    seed: int
     length_s: float
     peak_dbfs: float | None
     realtime_factor: float | None
-    prepare_s: float
     render_s: float
-    parts: list[str]
-    channels: list[dict[str, Any]]
-    notes: int
-    strings: int
     headroom_db: float
-    limiter_reduction_db: float | None
     normalize_gain_db: float | None
     clipped_samples: int
-    stolen: int
-    taken_over: int
-    silenced: int
-    unplayed: list[dict[str, Any]]
-    left_out: dict[int, int]
-    stand_ins: list[dict[str, Any]]
-    skipped: list[dict[str, Any]]
-    rest: dict[str, Any] | None
     warnings: list[str]
     sources: list[str]
-
-    def as_dict(self) -> dict[str, Any]:
-        """Plain values for JSON; what is not finite (the peak of silence in dB) is None."""
-        return asdict(self)
 
     def lines(self) -> list[str]:
         """The closing line, and one line for every channel and preset."""
@@ -199,34 +185,18 @@ class RenderReport:
         where = self.output if self.output not in (None, "-") else ", ".join(self.stems) or "standard output"
         if self.output is None and self.silent_stems and not self.stems:
             where = "no stems"
-        lost = sum(entry["count"] for entry in self.unplayed)
-        unplayed = f" ({lost} not played)" if lost else " (all played)" if self.notes else ""
+        unplayed = f" ({self.lost} not played)" if self.lost else " (all played)" if self.notes else ""
         counts = f"{counted(self.strings, 'string')}, {counted(self.notes, 'note')}{unplayed}"
         closing = [f"{where}: {self.length_s:.1f} s, {peak}{speed}, {counts}, {limiter}"]
         details = [f"  {channel_line(row)}" for row in self.channels]
         if self.headroom_db > 0.0 and self.normalize_gain_db is None:
             details.append(f"  lowered by {self.headroom_db:.1f} dB, as several channels play; --gain raises it")
-        if self.stand_ins:
-            details.append(f"  {compass.stand_in_line(self.stand_ins)}")
-        if self.rest is not None:
-            details.append(f"  {rest.line(self.rest)}")
-        if self.skipped:
-            details.append(f"  {compass.skipped_line(self.skipped)}")
+        details += self.lines_of_programs()
         silent = sum(entry["count"] for entry in self.unplayed if entry["reason"] == SILENT_KEY)
         if silent:
             which = "is on a key" if silent == 1 else "are on keys"
             details.append(f"  {silent} of the notes not played {which} that the keyboard mapping leaves silent")
-        if self.stolen:
-            cut = "string was cut short for a new note" if self.stolen == 1 else "strings were cut short for new notes"
-            details.append(f"  {self.stolen} sounding {cut} (see --polyphony)")
-        if self.taken_over:
-            details.append(
-                f"  {counted(self.taken_over, 'note')} took over a string still held by another note, cutting it off"
-            )
-        if self.silenced:
-            often = "once" if self.silenced == 1 else f"{self.silenced} times"
-            remedy = "use --scheme exact-hold or a higher --internal-rate"
-            details.append(f"  the motion of a string blew up and was silenced {often}; {remedy}")
+        details += self.lines_of_strings()
         if self.clipped_samples:
             samples = counted(self.clipped_samples, "sample")
             details.append(f"  {samples} exceeded full scale and clipped; lower --gain or leave the limiter on")
@@ -237,11 +207,6 @@ class RenderReport:
             verb = "is" if len(self.silent_stems) == 1 else "are"
             details.append(f"  no stem for {', '.join(self.silent_stems)}, which {verb} silent")
         return closing + details
-
-
-def counted(count: int, what: str) -> str:
-    """'1 note', '2 notes'."""
-    return f"{count} {what}{'' if count == 1 else 's'}"
 
 
 def render_file(
@@ -301,16 +266,13 @@ def render_song(
     settings: RenderSettings,
     outputs_of: Callable[[RenderSettings, Sequence[str], offline.Span], Outputs],
     *,
-    presets: Mapping[str, Preset] | None = None,
     warn: Callable[[str], None] = lambda _: None,
     progress: offline.Progress | None = None,
     preparing: Callable[[int, int], None] | None = None,
     began: float | None = None,
 ) -> RenderReport:
     """Renders a song, which `settings.midi` names, into what `outputs_of` makes of the settings, the parts' labels and the
-    frames.
-
-    presets: those that the program has made, by the names that stand for them in the settings. Others as `render_file`.
+    frames. Others as `render_file`.
     """
     began = time.perf_counter() if began is None else began
     with ExitStack() as stack:
@@ -319,14 +281,13 @@ def render_song(
             if settings.only_strings:
                 raise ValueError("--only-strings leaves out what --rest plays; give one of them")
             font = stack.enter_context(closing(SoundFont(settings.rest, settings.rate_hz)))
-        return _render(song, settings, outputs_of, presets, warn, progress, preparing, began, font)
+        return _render(song, settings, outputs_of, warn, progress, preparing, began, font)
 
 
 def _render(
     song: Song,
     settings: RenderSettings,
     outputs_of: Callable[[RenderSettings, Sequence[str], offline.Span], Outputs],
-    presets: Mapping[str, Preset] | None,
     warn: Callable[[str], None],
     progress: offline.Progress | None,
     preparing: Callable[[int, int], None] | None,
@@ -354,13 +315,11 @@ def _render(
     risk = energy_warning(settings.scheme, settings.restitution, internal_hz, "--internal-rate", settings.rate_hz)
     if risk is not None:
         note(risk)
-    note_hz = silent = None
-    if settings.tuning is not None or settings.keyboard is not None:
-        note_hz, silent = scala.playable_frequencies(settings.tuning, settings.keyboard)
+    note_hz, silent = settings.frequencies()
     names = [part.preset for part in casting.parts]
     if settings.fallback is not None:
         names.append(settings.fallback)
-    loaded = parts.varied(parts.load_presets(names, settings.settings, presets), settings.variation)
+    loaded = settings.presets(names)
     played = parts.played_events(song.events, song.players, casting)
     events = song.events if played.all() else song.events[played]
     arrangement = compass.arrange(song, events, casting, loaded, settings.wishes(song), settings.mpe, settings.bindings)
@@ -423,14 +382,11 @@ def _render(
         parts=labels,
         channels=rows,
         notes=sum(row["notes"] for row in rows) + sum(entry["count"] for entry in untuned),
-        strings=int(told.most_strings),
+        **of_strings(told),
         headroom_db=headroom_db,
         limiter_reduction_db=float(told.limiter_reduction_db) if _limits(settings) else None,
         normalize_gain_db=gain_to_db(gain) if settings.normalize_dbfs is not None else None,
         clipped_samples=outputs.clipped,
-        stolen=int(told.stolen),
-        taken_over=int(told.taken_over),
-        silenced=int(told.silenced),
         unplayed=untuned + compass.unplayed_notes(arrangement, loaded, heard),
         left_out=left_out,
         stand_ins=compass.stand_ins(arrangement, heard),

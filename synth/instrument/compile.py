@@ -63,61 +63,93 @@ _NO_LAYERS = np.zeros((3, 0))
 _OUT_OF_REACH_M = -1.0
 
 
-@dataclass(frozen=True)
-class Position:
-    """A note at a place of a string, with its model. Shapes: N modes, of which the last may be lumped, C contacts."""
+@dataclass(frozen=True, kw_only=True)
+class Contacts:
+    """What a string touches at a position: C contacts, seen by N modes."""
 
-    note: int
-    fret: int
-    length_m: float
-    tension_n: float
-    mu: float
-    plan: StringPlan
-    omega: np.ndarray  # (N,)
-    sigma: np.ndarray  # (N,)
-    coef: np.ndarray  # (6, N)
+    places_m: np.ndarray  # (C,)
     shapes: np.ndarray  # (C, N)
     eta: np.ndarray  # (C,)
     residual: np.ndarray  # (C, C)
     matrix: np.ndarray  # (C, C)
-    wq: np.ndarray  # (N,)
-    wv: np.ndarray  # (N,)
-    q_rest: np.ndarray  # (N,) static state under contacts that press
-    rest_height_m: float  # of the fret it is stopped at, below the open string's line
-    output_rest: float  # output of that line
-    own: int  # the string's own modes; those behind them are lumped (`physics.tail`)
     leverage: np.ndarray  # (C,) of a contact by the motion of the saddle: x/L, less 1 for what rides on the bridge
     layers: np.ndarray  # (3, C) of the contacts (`solver.layers`), or (3, 0)
-    across: np.ndarray  # (2, own) ω and σ in the second direction, or (2, 0)
+    q_rest: np.ndarray  # (N,) static state under contacts that press
+
+
+@dataclass(frozen=True, kw_only=True)
+class Position(Contacts):
+    """A note at a place of a string, with its model. Shapes: N modes, of which the last may be lumped, C contacts."""
+
+    note: int
+    fret: int
     string: String  # as it speaks here
-    places_m: np.ndarray  # (C,) of the contacts
+    plan: StringPlan
+    omega: np.ndarray  # (N,)
+    sigma: np.ndarray  # (N,)
+    coef: np.ndarray  # (6, N)
+    wq: np.ndarray  # (N,)
+    wv: np.ndarray  # (N,)
+    rest_height_m: float  # of the fret it is stopped at, below the open string's line
+    output_rest: float  # output of that line
+    across: np.ndarray  # (2, own) ω and σ in the second direction, or (2, 0)
+
+    @property
+    def length_m(self) -> float:
+        """Speaking length [m]."""
+        return self.string.length_m
+
+    @property
+    def tension_n(self) -> float:
+        """Tension [N]."""
+        return self.string.tension_n
+
+    @property
+    def mu(self) -> float:
+        """Mass per length [kg/m]."""
+        return self.string.linear_density_kg_m
+
+    @property
+    def own(self) -> int:
+        """The string's own modes; those behind them are lumped (`physics.tail`)."""
+        return self.plan.modes
 
 
-@dataclass(frozen=True)
-class CompiledString:
+@dataclass(frozen=True, kw_only=True)
+class Plucking:
+    """How the finger plucks a string, and how the string is let go of."""
+
+    pluck_force_n: float  # at velocity 127
+    draw_s: float
+    slip_s: float  # in which the finger lets go at velocity 0 and 127
+    hard_slip_s: float
+    release_s: float
+    pluck_shift: float  # of its pluck from that of the others, parts of its open length
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompiledString(Plucking):
     """One physical string and its positions, lowest note first: all of its `places`, or those that were asked for."""
 
     name: str
     open_note: int
     places: int
     open_length_m: float
-    factor: int
     positions: tuple[Position, ...]
-    pluck_force_n: float  # at velocity 127
     impedance_kg_s: float
-    draw_s: float
-    slip_s: float  # in which the finger lets go at velocity 0 and 127
-    hard_slip_s: float
-    release_s: float
     axial_stiffness_n: float  # where its motion raises its tension; else 0
     friction: float  # of its second direction at the contacts of its first
-    board: StringBoard | None = None  # what lies under it, where that is a board
-    choir: int = 1
-    pluck_shift: float = 0.0  # of its pluck from that of the others, parts of its open length
-    sympathetic: bool = False  # no key plays it
-    elsewhere: bool = False  # the key that plays it is not what it sounds
-    pan: float = 0.0  # from where it is heard
-    flux_bend: float = 0.0  # how much of its output as a flux goes as its square: 1/(gain · distance); else 0
+    board: StringBoard | None  # what lies under it, where that is a board
+    choir: int
+    sympathetic: bool  # no key plays it
+    elsewhere: bool  # the key that plays it is not what it sounds
+    pan: float  # from where it is heard
+    flux_bend: float  # how much of its output as a flux goes as its square: 1/(gain · distance); else 0
+
+    @property
+    def factor(self) -> int:
+        """Its steps in a frame."""
+        return self.positions[0].plan.factor
 
 
 @dataclass(frozen=True)
@@ -474,30 +506,26 @@ def compile_position(
     contact_matrix(law, coef, shapes, residual, matrix)
     gained = preset.output.kind not in ("pickup", "body")  # a pickup's gain is on its velocity
     return Position(
-        note,
-        fret,
-        string.length_m,
-        string.tension_n,
-        mu,
-        plan,
-        omega,
-        sigma,
-        coef,
-        shapes,
-        eta,
-        residual,
-        matrix,
-        gain * wq if gained else wq,
-        gain * wv,
-        static_state(omega, mu, shapes, eta, residual, layers),
-        rest_height_m,
-        (gain if gained else 1.0) * _output_of_rest_line(preset, string, open_length_m, rest_height_m),
-        n,
-        positions / string.length_m - (1.0 if isinstance(preset.obstacle, BridgeObstacle) else 0.0),
-        layers,
-        _modes_across(preset.polarisation, string, n),
-        string,
-        positions,
+        note=note,
+        fret=fret,
+        string=string,
+        plan=plan,
+        omega=omega,
+        sigma=sigma,
+        coef=coef,
+        wq=gain * wq if gained else wq,
+        wv=gain * wv,
+        rest_height_m=rest_height_m,
+        output_rest=(gain if gained else 1.0) * _output_of_rest_line(preset, string, open_length_m, rest_height_m),
+        across=_modes_across(preset.polarisation, string, n),
+        places_m=positions,
+        shapes=shapes,
+        eta=eta,
+        residual=residual,
+        matrix=matrix,
+        leverage=positions / string.length_m - (1.0 if isinstance(preset.obstacle, BridgeObstacle) else 0.0),
+        layers=layers,
+        q_rest=static_state(omega, mu, shapes, eta, residual, layers),
     )
 
 
@@ -601,28 +629,28 @@ def compile_string(
         raise
     except ValueError as error:
         raise PresetError(f"{preset.name}: string {label}: {in_file_words(str(error), table)}") from None
+    pluck = preset.pluck
     return CompiledString(
-        label,
-        note,
-        places,
-        length,
-        positions[0].plan.factor,
-        tuple(positions),
-        full_pluck_force(preset, table, opened, note),
-        opened.impedance_kg_s,
-        1e-3 * at_note(preset.pluck.draw_ms, note),
-        1e-3 * at_note(preset.pluck.slip_ms, note),
-        1e-3 * at_note(preset.pluck.hardest_slip_ms, note),
-        at_note(preset.damping.release_s, note),
-        axial_stiffness(preset, table, note) if table.tension_modulation else 0.0,
-        preset.obstacle.friction if isinstance(preset.obstacle, PointContacts) else 0.0,
-        board,
-        table.choir,
-        pluck_shift(preset, table, note),
-        table.sympathetic,
-        table.sounds is not None,
-        at_note(table.pan, note),
-        1e3 / (gain * preset.output.distance_mm) if preset.output.kind == "flux" else 0.0,
+        name=label,
+        open_note=note,
+        places=places,
+        open_length_m=length,
+        positions=tuple(positions),
+        pluck_force_n=full_pluck_force(preset, table, opened, note),
+        draw_s=1e-3 * at_note(pluck.draw_ms, note),
+        slip_s=1e-3 * at_note(pluck.slip_ms, note),
+        hard_slip_s=1e-3 * at_note(pluck.hardest_slip_ms, note),
+        release_s=at_note(preset.damping.release_s, note),
+        pluck_shift=pluck_shift(preset, table, note),
+        impedance_kg_s=opened.impedance_kg_s,
+        axial_stiffness_n=axial_stiffness(preset, table, note) if table.tension_modulation else 0.0,
+        friction=preset.obstacle.friction if isinstance(preset.obstacle, PointContacts) else 0.0,
+        board=board,
+        choir=table.choir,
+        sympathetic=table.sympathetic,
+        elsewhere=table.sounds is not None,
+        pan=at_note(table.pan, note),
+        flux_bend=1e3 / (gain * preset.output.distance_mm) if preset.output.kind == "flux" else 0.0,
     )
 
 

@@ -32,14 +32,15 @@ def serve_portaudio(_input: int, output: int, count: int, times: int, flags: int
     # PaStreamCallbackTimeInfo: inputBufferAdcTime, currentTime, outputBufferDacTime [s]
     when = carray(pointer(times), 3, np.float64)
     exchange.levels[d.DEVICE_S] = when[2] - when[1]
-    out = carray(pointer(output), (frames, exchange.channels), np.float32)
+    out = carray(pointer(output), (frames, words[d.CHANNELS]), np.float32)
     played = words[d.PLAYED]
-    delay = exchange.ahead_frames + exchange.ahead_block if exchange.ahead_frames > 0 else frames
+    ahead = words[d.AHEAD_FRAMES]
+    delay = ahead + words[d.AHEAD_BLOCK] if ahead > 0 else frames
     tick(address, played, delay, now)
     done = 0
     while done < frames:
         part = min(frames - done, d.MOST_FRAMES)
-        if exchange.ahead_frames > 0:
+        if ahead > 0:
             _copy_ready(address, out[done : done + part])
         else:
             render_block(address, 0, part)
@@ -85,15 +86,15 @@ def _copy_ready(address: int, out) -> None:
 
 @kernel(int64)
 def render_ahead(address: int) -> None:
-    """Keep Exchange.ahead_frames of sound ready until Exchange.words[ENDING]."""
+    """Keep Exchange.words[AHEAD_FRAMES] of sound ready until Exchange.words[ENDING]."""
     exchange = exchange_of(address)
     words = exchange.words
     size = exchange.ready.shape[0]
-    block = exchange.ahead_block
+    block = words[d.AHEAD_BLOCK]
     pause_ns = int(0.25e9 * block / exchange.rate_hz)
     while load(words, d.ENDING) == 0:
         at = words[d.AHEAD]
-        if at - load(words, d.AHEAD_TAKEN) + block > exchange.ahead_frames:
+        if at - load(words, d.AHEAD_TAKEN) + block > words[d.AHEAD_FRAMES]:
             nap(pause_ns)
             continue
         render_block(address, 0, block)

@@ -15,7 +15,6 @@ import os
 import threading
 import time
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -32,9 +31,27 @@ PRIORITY = 60
 
 
 @dataclass(frozen=True)
+class Load:
+    """Parts of a block's time since the last look: by the wall clock, and `cpu` by the processor time of the thread."""
+
+    median: float
+    worst: float
+    cpu_median: float
+    cpu_worst: float
+
+
+@dataclass(frozen=True)
+class LastNote:
+    """The last note; velocity 0: it has ended."""
+
+    note: int
+    velocity: int
+    channel: int
+
+
+@dataclass(frozen=True)
 class Meters:
-    """What happens. Loads are parts of a block's time since the last look: `load` by the wall clock, `cpu` by the
-    processor time of the thread. `peak` is linear, since the last look; other counts are since the start.
+    """What happens. `peak` is linear, since the last look; counts are since the start.
 
     xruns: blocks that the device missed.  late: blocks that took longer than they last, because of us / because the
     system ran something else.  stalls: calls that came at a wrong time.  spare_db: the level below which strings that
@@ -43,20 +60,14 @@ class Meters:
 
     frames: int
     blocks: int
-    load_median: float
-    load_worst: float
-    cpu_median: float
-    cpu_worst: float
-    load_mean: float
+    load: Load
+    last: LastNote
     xruns: int
     late_ours: int
     late_others: int
     stalls: int
     strings: int
     peak: float
-    last_note: int
-    last_velocity: int
-    last_channel: int
     events: int
     events_lost: int
     recording_lost: int
@@ -132,12 +143,12 @@ class Deck(Uncopied):
     @property
     def ahead_frames(self) -> int:
         """Frames that a thread keeps ready; 0: the device's thread renders."""
-        return self._exchange.ahead_frames
+        return int(self._exchange.words[d.AHEAD_FRAMES])
 
     @property
     def stems(self) -> bool:
         """Whether every part is rendered by itself as well."""
-        return self._exchange.parts > 0
+        return bool(self._exchange.words[d.PARTS])
 
     def set_device_latency(self, seconds: float) -> None:
         """What a device says of its own latency, for `meters`, where its callback does not."""
@@ -145,20 +156,16 @@ class Deck(Uncopied):
 
     def set_channels(self, channels: int) -> None:
         """What the device turned out to have; before it starts."""
-        self._replace(channels=channels)
-
-    def _replace(self, **changes: Any) -> None:
-        self._exchange = self._exchange._replace(**changes)
-        self._table[:] = d.table(self._exchange)
+        self._exchange.words[d.CHANNELS] = channels
 
     def start_ahead(self) -> None:
         """Start the thread that renders ahead, if there is to be one, and wait for its first sound."""
-        if not self._exchange.ahead_frames or self._thread is not None:
+        if not self.ahead_frames or self._thread is not None:
             return
         self._exchange.words[d.ENDING] = 0
         self._thread = threading.Thread(target=self._run_ahead, name="synth-ahead", daemon=True)
         self._thread.start()
-        while self._exchange.words[d.AHEAD] < self._exchange.ahead_frames and self._thread.is_alive():
+        while self._exchange.words[d.AHEAD] < self.ahead_frames and self._thread.is_alive():
             time.sleep(0.001)
 
     def _run_ahead(self) -> None:
@@ -254,20 +261,14 @@ class Deck(Uncopied):
         return Meters(
             frames=int(words[d.FRAMES]),
             blocks=blocks,
-            load_median=float(median[0]),
-            load_worst=float(worst[0]),
-            cpu_median=float(median[1]),
-            cpu_worst=float(worst[1]),
-            load_mean=float(levels[d.MEAN_LOAD]),
+            load=Load(float(median[0]), float(worst[0]), float(median[1]), float(worst[1])),
+            last=LastNote(int(words[d.NOTE]), int(words[d.VELOCITY]), int(words[d.CHANNEL])),
             xruns=int(words[d.XRUNS]),
             late_ours=int(words[d.LATE_OURS]),
             late_others=int(words[d.LATE_OTHERS]),
             stalls=int(words[d.STALLS]),
             strings=self.engine.strings_sounding,
             peak=peak,
-            last_note=int(words[d.NOTE]),
-            last_velocity=int(words[d.VELOCITY]),
-            last_channel=int(words[d.CHANNEL]),
             events=int(words[d.GIVEN]),
             events_lost=self._events_lost + int(words[d.GIVEN_LOST]) + self.engine.events_dropped,
             recording_lost=int(words[d.TAPE_LOST]) + int(words[d.LOG_LOST]),

@@ -80,8 +80,15 @@ STEP = 2.0**32
     DROPPED_AT,
     # frames that the device asked for in its latest call but one
     PERIOD,
-) = range(0, 37 * LINE_F8, LINE_F8)
-N_WORDS = 37 * LINE_F8
+    # as it was set up: channels of the device; parts whose stems are wanted, or 0; where the clock begins [ns]; frames of
+    # sound that a thread keeps ready, 0: there is none; frames that it renders at a time
+    CHANNELS,
+    PARTS,
+    ORIGIN_NS,
+    AHEAD_FRAMES,
+    AHEAD_BLOCK,
+) = range(0, 42 * LINE_F8, LINE_F8)
+N_WORDS = 42 * LINE_F8
 
 #: places in Exchange.levels: the clock's own time of its frame [ns since origin_ns] and ns per frame; peak since it was
 #: seen; mean load; the device's own latency [s]; the level below which strings are spared [dBFS]
@@ -95,11 +102,6 @@ class Exchange(NamedTuple):
     core: int  # the engine's tables
     thread: int
     rate_hz: float
-    channels: int  # of the device
-    parts: int  # whose stems are wanted, or 0
-    origin_ns: int  # where this clock begins
-    ahead_frames: int  # of sound that a thread keeps ready; 0: there is none
-    ahead_block: int  # frames that it renders at a time
     words: Annotated[np.ndarray, i8("N_WORDS")]
     levels: Annotated[np.ndarray, f8("N_LEVELS")]
     loads: Annotated[np.ndarray, f8("LOADS, 2")]  # part of a block's time: by the wall clock, by the processor's
@@ -130,7 +132,7 @@ def new_exchange(
     ahead_frames: int,
     ahead_block: int,
 ) -> tuple[Exchange, np.ndarray]:
-    """A Exchange and its table; both are to be kept as long as anybody has the table's address."""
+    """An Exchange and its table; both are to be kept as long as anybody has the table's address."""
     ready = 1
     while ready < 2 * ahead_frames:
         ready *= 2
@@ -146,18 +148,9 @@ def new_exchange(
         "taped": TAPE if recording else 1,
         "ready": ready,
     }
-    made = allocate(
-        Exchange,
-        sizes,
-        core=core,
-        thread=thread,
-        rate_hz=rate_hz,
-        channels=channels,
-        parts=parts,
-        origin_ns=origin_ns,
-        ahead_frames=ahead_frames,
-        ahead_block=ahead_block,
-    )
+    made = allocate(Exchange, sizes, core=core, thread=thread, rate_hz=rate_hz)
+    made.words[[CHANNELS, PARTS, ORIGIN_NS]] = channels, parts, origin_ns
+    made.words[[AHEAD_FRAMES, AHEAD_BLOCK]] = ahead_frames, ahead_block
     made.words[RECORDING] = int(recording)
     made.words[CLOCK_STEP] = int(STEP * 1e9 / rate_hz)
     made.levels[FRAME_NS] = 1e9 / rate_hz
@@ -168,7 +161,8 @@ def new_exchange(
 def stems_of(address: int, frames: int):
     """(parts or 0, frames, 2): every part by itself in a block of so many frames."""
     exchange = exchange_of(address)
-    return exchange.stems[: exchange.parts * frames * 2].reshape((exchange.parts, frames, 2))
+    parts = exchange.words[PARTS]
+    return exchange.stems[: parts * frames * 2].reshape((parts, frames, 2))
 
 
 @kernel(*[int64] * 6, float64, answer=boolean)

@@ -57,6 +57,10 @@ class TimeSpread:
         ms = 1e3 * np.asarray(frames, float) / rate_hz
         return TimeSpread(float(np.median(ms)), float(ms.max()))
 
+    def later(self, ms: float) -> TimeSpread:
+        """The same times with so much more to come after each."""
+        return TimeSpread(self.median_ms + ms, self.worst_ms + ms)
+
     def __str__(self) -> str:
         return f"{self.median_ms:6.2f} ms in the median, {self.worst_ms:6.2f} ms at worst"
 
@@ -65,9 +69,9 @@ class TimeSpread:
 class Latency:
     """path: how the notes went in.  heard: of `plucks`.  draw_ms: of the finger, as compiled.  engine_ms: from an event's
     place in the stream to the string.  placed: from sending a note to that place.  first_movement, peak: from sending a note
-    to that sample, computed.  device_ms: what the device reports to come after.  total, total_to_peak: with it.
+    to that sample, computed.  device_ms: what the device reports to come after.
     recorded: from sending a note to the first movement in what a JACK server gives its card; None: it was not to be heard
-    there.  card_ms: what the server reports to come after.  heard_ms: with it, or else `total`.
+    there.  card_ms: what the server reports to come after.
     """
 
     path: str
@@ -83,15 +87,27 @@ class Latency:
     first_movement: TimeSpread
     peak: TimeSpread
     device_ms: float
-    total: TimeSpread
-    total_to_peak: TimeSpread
     recorded: TimeSpread | None
     card_ms: float | None
-    heard_ms: TimeSpread
+
+    @property
+    def total(self) -> TimeSpread:
+        """From sending a note to its first movement, with what the device adds."""
+        return self.first_movement.later(self.device_ms)
+
+    @property
+    def total_to_peak(self) -> TimeSpread:
+        """From sending a note to its peak, with what the device adds."""
+        return self.peak.later(self.device_ms)
+
+    @property
+    def heard_ms(self) -> TimeSpread:
+        """What was recorded with what the card adds, or else `total`."""
+        return self.total if self.recorded is None or self.card_ms is None else self.recorded.later(self.card_ms)
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""
-        return asdict(self)
+        return asdict(self) | {name: asdict(getattr(self, name)) for name in ("total", "total_to_peak", "heard_ms")}
 
     def lines(self) -> list[str]:
         """For people."""
@@ -206,9 +222,7 @@ def measure(
         return None
     if not moved:
         raise ValueError(f"none of {PLUCKS} plucks of {midi_to_note(note)} was heard; check the device with synth devices")
-    device = float(output.latency_s) * rate_hz
-    total = TimeSpread.of([frames + device for frames in moved], rate_hz)
-    card = ear.latency_s * rate_hz if ear is not None and recorded else None
+    card_s = ear.latency_s if ear is not None and recorded else None
     return Latency(
         path=path,
         note=midi_to_note(note),
@@ -222,12 +236,9 @@ def measure(
         placed=TimeSpread.of(placed, rate_hz),
         first_movement=TimeSpread.of(moved, rate_hz),
         peak=TimeSpread.of(peaked, rate_hz),
-        device_ms=1e3 * device / rate_hz,
-        total=total,
-        total_to_peak=TimeSpread.of([frames + device for frames in peaked], rate_hz),
-        recorded=TimeSpread.of(recorded, rate_hz) if card is not None else None,
-        card_ms=None if card is None else 1e3 * card / rate_hz,
-        heard_ms=total if card is None else TimeSpread.of([frames + card for frames in recorded], rate_hz),
+        device_ms=1e3 * float(output.latency_s),
+        recorded=None if card_s is None else TimeSpread.of(recorded, rate_hz),
+        card_ms=None if card_s is None else 1e3 * card_s,
     )
 
 

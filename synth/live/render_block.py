@@ -43,7 +43,7 @@ def tick(address: int, played: int, delay: int, now_ns: int) -> None:
     """The device asks for frame `played` at a time."""
     exchange = exchange_of(address)
     words, levels = exchange.words, exchange.levels
-    now = float(now_ns - exchange.origin_ns)
+    now = float(now_ns - words[d.ORIGIN_NS])
     changes = load(words, d.CLOCK)
     frames = played - words[d.CLOCK_FRAME]
     if changes > 0 and frames <= 0:
@@ -78,7 +78,7 @@ def frame_at(address: int, time_ns: int) -> int:
     frame = 0
     for _ in range(PATIENCE):
         changes = load(words, d.CLOCK)
-        since = float(time_ns - exchange.origin_ns - load(words, d.CLOCK_TIME))
+        since = float(time_ns - words[d.ORIGIN_NS] - load(words, d.CLOCK_TIME))
         frame = load(words, d.CLOCK_FRAME) + load(words, d.DELAY) + math.floor(since * d.STEP / load(words, d.CLOCK_STEP))
         if changes % 2 == 0 and load(words, d.CLOCK) == changes:
             break

@@ -14,9 +14,9 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from types import TracebackType
@@ -25,13 +25,13 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from synth.engine.engine import Engine
-from synth.engine.engine_settings import EngineSettings
 from synth.engine.layout import GAIN
 from synth.engine.uncopied import Uncopied
 from synth.files.targets import check_target
-from synth.host import compass, parts, scala
+from synth.host import compass, parts
 from synth.host.bindings import check_parts
-from synth.instrument.preset import Preset
+from synth.host.performance import of_strings
+from synth.host.playing_settings import PlayingSettings
 from synth.instrument.ways import keys_that_switch
 from synth.live.deck import Deck, Meters
 from synth.live.errors import DeviceError
@@ -51,7 +51,6 @@ from synth.native.stderr import give_back, only_ours
 from synth.units import db_to_gain
 
 if TYPE_CHECKING:
-    from synth.engine.parameters import Binding
     from synth.live.latency import Latency
     from synth.live.recorder import Recorder
 
@@ -72,14 +71,11 @@ LONGEST_TAIL_S = 60.0
 LOAD_BINS = 4001
 
 
-@dataclass(frozen=True)
-class SessionSettings(EngineSettings):
-    """What to play on and how, with the settings of the engine.
+@dataclass(frozen=True, kw_only=True)
+class SessionSettings(PlayingSettings):
+    """What to play on and how.
 
-    preset, channel_presets, settings, tuning, keyboard, bindings: as in RenderSettings.
-    gm, only_strings: as in RenderSettings; where others play beside a song, programs choose from the whole table, too.
-    made: presets that the program has made, by the names that stand for them in `preset`.
-    song: MIDI file to play.
+    song: MIDI file to play; where others play beside it, programs choose from the whole table (`gm`), too.
     device: name or number of an output; None: the default.  jack: name of the client if JACK itself is the output.
     rate_hz: None: the JACK server's, else 44100.
     latency: 'low', 'high' or seconds.  ahead: blocks that a thread keeps ready.
@@ -89,16 +85,6 @@ class SessionSettings(EngineSettings):
     measure_latency: the session is there for `measure_latency`: it plays by itself.
     """
 
-    preset: str | None = None
-    channel_presets: dict[int, str] = field(default_factory=dict)
-    settings: Sequence[tuple[str | None, str, str]] = ()
-    made: Mapping[str, Preset] = field(default_factory=dict)
-    tuning: str | None = None
-    keyboard: str | None = None
-    bindings: dict[int, list[Binding]] = field(default_factory=dict)
-    gm: bool = False
-    only_strings: bool = False
-    variation: float = 1.0
     song: str | None = None
     device: str | int | None = None
     jack: str | None = None
@@ -113,7 +99,6 @@ class SessionSettings(EngineSettings):
     keys: bool = False
     song_keys: bool = False
     record: str | None = None
-    bit_depth: str = "24"
     duration_s: float | None = None
     measure_latency: bool = False
 
@@ -204,14 +189,15 @@ class Session(Uncopied):
         casting, song, headroom_db = self._cast()
         self._labels = [part.preset for part in casting.parts] if song is None else [part.label for part in casting.parts]
         names = [part.preset for part in casting.parts]
-        presets = parts.varied(parts.load_presets(names, settings.settings, settings.made), settings.variation)
+        presets = settings.presets(names)
         arrangement = None
         if song is not None:
             played = song.events[parts.played_events(song.events, song.players, casting)]
             wishes = compass.Wishes(fold_programs=not song.take)
             arrangement = compass.arrange(song, played, casting, presets, wishes, settings.mpe)
         check_parts(settings.bindings, [presets[part.preset] for part in casting.parts])
-        note_hz, only_notes = self._tuning()
+        note_hz, silent = settings.frequencies()
+        only_notes = None if silent is None else {int(key) for key in np.flatnonzero(~silent)}
         self._check_inputs()
         self._line.say(f"output: {self._check_output()}")
         self._line.say(f"preparing {', '.join(dict.fromkeys(part.preset for part in casting.parts))} …")
@@ -311,13 +297,13 @@ class Session(Uncopied):
         """Who plays what; the song; by how much it is lowered [dB], whoever plays beside it."""
         settings = self._settings
         if settings.song is None:
-            choice = parts.Choice(settings.preset, settings.channel_presets, settings.gm, settings.only_strings, True)
+            choice = settings.choosing(gm=settings.gm, switching=True)
             return parts.cast_live(choice, only_channel=settings.midi_channel), None, 0.0
         song = songs.read_song(settings.song, self.rate_hz, settings.mpe)
         for warning in song.warnings:
             self._line.say(f"{settings.song}: {warning}")
         self._gm, self._switching = settings.gm or song.gm, song.switching
-        choice = parts.Choice(settings.preset, settings.channel_presets, self._gm, settings.only_strings, self._switching)
+        choice = settings.choosing(gm=self._gm, switching=self._switching)
         casting = parts.cast(song.channels, choice)
         headroom_db = parts.headroom_db(song, casting)
         for channel, count in casting.left_out.items():
@@ -338,14 +324,6 @@ class Session(Uncopied):
         """Whether others can play: not while a song is played, unless asked for."""
         settings = self._settings
         return settings.song is None or settings.keys or bool(settings.midi_in and settings.midi_in != ("none",))
-
-    def _tuning(self) -> tuple[np.ndarray | None, set[int] | None]:
-        """Frequencies of the keys, and the keys that sound; None: the presets' and all."""
-        settings = self._settings
-        if settings.tuning is None and settings.keyboard is None:
-            return None, None
-        note_hz, silent = scala.playable_frequencies(settings.tuning, settings.keyboard)
-        return note_hz, {int(key) for key in np.flatnonzero(~silent)}
 
     def _notes(
         self, casting: parts.Casting, arrangement: compass.Arrangement | None, sounding: set[int] | None
@@ -526,10 +504,10 @@ class Session(Uncopied):
     def _look(self) -> Meters:
         """Reads the meters and shows them."""
         meters = self.deck.meters()
-        self._loads[min(int(meters.load_median * 1000.0), LOAD_BINS - 1)] += 1
+        self._loads[min(int(meters.load.median * 1000.0), LOAD_BINS - 1)] += 1
         self._say_sparing(meters.spare_db > -math.inf)
-        self._recent.append(meters.load_worst)
-        self._worst = max(self._worst, meters.load_worst)
+        self._recent.append(meters.load.worst)
+        self._worst = max(self._worst, meters.load.worst)
         if meters.peak >= db_to_gain(QUIET_DBFS):
             self._loud_at = meters.frames
         recorded_s = meters.frames / self.rate_hz if self._settings.record is not None else None
@@ -538,18 +516,18 @@ class Session(Uncopied):
         self._unplayed = unplayed
         self._line.show(
             Status(
-                load_median=meters.load_median,
+                load_median=meters.load.median,
                 load_worst=max(self._recent),
                 xruns=self._xruns(meters),
                 strings=meters.strings,
                 peak=meters.peak,
-                note=meters.last_note if meters.last_velocity else -1,
-                velocity=meters.last_velocity,
+                note=meters.last.note if meters.last.velocity else -1,
+                velocity=meters.last.velocity,
                 recorded_s=recorded_s,
                 spare_db=meters.spare_db,
                 events_lost=self._events_lost(meters),
-                unplayed=self._unplayable.look(changed, meters.last_note, time.monotonic()),
-                articulation=self._switches.get(meters.last_note, "") if meters.last_velocity else "",
+                unplayed=self._unplayable.look(changed, meters.last.note, time.monotonic()),
+                articulation=self._switches.get(meters.last.note, "") if meters.last.velocity else "",
                 position=self._position(meters.frames),
             )
         )
@@ -671,19 +649,16 @@ class Session(Uncopied):
             played_s=meters.frames / self.rate_hz,
             ended=self._ended,
             notes=int(told.notes),
-            strings=int(told.most_strings),
+            **of_strings(told),
             xruns=self._xruns(meters),
             stalls=meters.stalls,
             late_ours=meters.late_ours,
             late_machine=meters.late_others,
             load_median=int(np.searchsorted(np.cumsum(self._loads), 0.5 * self._loads.sum())) / 1000.0,
-            load_worst=max(self._worst, meters.load_worst),
+            load_worst=max(self._worst, meters.load.worst),
             events=meters.events,
             events_lost=self._events_lost(meters),
             recording_lost=meters.recording_lost,
-            stolen=int(told.stolen),
-            taken_over=int(told.taken_over),
-            silenced=int(told.silenced),
             limiter_reduction_db=float(told.limiter_reduction_db),
             unplayed=parts.unplayed_rows(told.unplayed, self._labels),
             files=self.files,

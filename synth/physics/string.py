@@ -65,8 +65,18 @@ class NutResonance:
             require_within("mass_kg", self.across_mass_kg, "nut resonance across_mass_kg")
 
 
+@dataclass(frozen=True, kw_only=True)
+class StringLosses:
+    """What damps a string apart from its ends; see `String`."""
+
+    viscoelastic_loss: float = 0.0
+    thermoelastic_q_inverse: float = 0.0
+    air_viscosity: float = 1.8e-5
+    air_density: float = 1.2
+
+
 @dataclass(frozen=True)
-class String:
+class String(StringLosses):
     """One string in SI units; frequencies, decay rates and shapes of its modes: `synth.physics.modes`.
 
     Parameters
@@ -120,10 +130,6 @@ class String:
     diameter_m: float
     core_diameter_m: float | None = None
     winding_diameter_m: float | None = None
-    viscoelastic_loss: float = 0.0
-    thermoelastic_q_inverse: float = 0.0
-    air_viscosity: float = 1.8e-5
-    air_density: float = 1.2
     stiffness_law: StiffnessLaw = "sqrt"
     mass_scatter: float = 0.0
     seed: int = 0
@@ -139,7 +145,7 @@ class String:
 
         for name in ("length_m", "tension_n", "linear_density_kg_m", "diameter_m", "bending_stiffness_n_m2"):
             require_within(name, getattr(self, name))
-        for name in ("viscoelastic_loss", "thermoelastic_q_inverse", "air_viscosity", "air_density", "mass_scatter"):
+        for name in (*StringLosses.__dataclass_fields__, "mass_scatter"):
             require_within(name, getattr(self, name))
         if self.stiffness_law not in STIFFNESS_LAWS:
             raise ValueError(f"stiffness_law must be 'sqrt' or 'linear', got {self.stiffness_law!r}")

@@ -71,7 +71,48 @@ class LazyField:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Result(Drawn):
+class Recorded(Drawn):
+    """What results of every kind hold, each as `Result` says, and how it is written."""
+
+    t: np.ndarray
+    u: np.ndarray
+    positions: np.ndarray
+    contact_positions: np.ndarray
+    contact_heights: np.ndarray
+    largest_penetration_m: float
+    largest_energy_rise: float
+    last_contact_s: float
+    metadata: dict[str, Any]
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """The few numbers that `synth simulate` prints."""
+        return self.metadata["summary"]
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes all of it as .npz, or the rows as a table if the name ends in .csv.
+
+        Whole or not at all: first beside `path` under another name, then renamed. A device or a pipe is written to as it
+        is. Raises ValueError for another ending, OSError.
+        """
+        check_name(path)
+        if is_table(path):
+            write_whole(path, lambda file: write_columns(self.table(), file))
+        else:
+            write_whole(path, lambda file: np.savez(file, **self._arrays()))
+
+    def _arrays(self) -> dict[str, Any]:
+        """What the .npz has, by name."""
+        arrays = {each.name: value for each in fields(self) if (value := getattr(self, each.name)) is not None}
+        return arrays | {"format": FORMAT, "metadata": json.dumps(self.metadata)}
+
+    def table(self) -> dict[str, np.ndarray]:
+        """The rows as columns (n,), by a name with the unit."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Result(Recorded):
     """The arrays that a run of one string gave, made by `simulate` and `load_result`.
 
     n rows, of which row 0 is t = 0; P outputs, C contacts, N modes.
@@ -118,8 +159,6 @@ class Result(Drawn):
     True
     """
 
-    t: np.ndarray
-    u: np.ndarray
     u_contact: LazyField = LazyField()
     contact_force: LazyField = LazyField()
     energy_stored: np.ndarray | None
@@ -127,22 +166,10 @@ class Result(Drawn):
     energy_viscous: np.ndarray | None
     energy_contact: np.ndarray | None
     energy_injected: np.ndarray | None
-    positions: np.ndarray
-    contact_positions: np.ndarray
-    contact_heights: np.ndarray
     obstacle_displacement: np.ndarray | None
-    largest_penetration_m: float
-    largest_energy_rise: float
-    last_contact_s: float
     final_q: np.ndarray | None
     final_v: np.ndarray | None
     state: dict[str, np.ndarray] | None
-    metadata: dict[str, Any]
-
-    @property
-    def summary(self) -> dict[str, Any]:
-        """The few numbers that `synth simulate` prints."""
-        return self.metadata["summary"]
 
     def citation(self) -> str:
         """BibTeX of the program, at its present version, and of the papers whose methods the run used."""
@@ -158,29 +185,10 @@ class Result(Drawn):
             f"{about['internal_rate_hz']:g} Hz{ledger}>"
         )
 
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes all of it as .npz, or the rows as a table if the name ends in .csv.
-
-        Whole or not at all: first beside `path` under another name, then renamed. A device or a pipe is written to as it
-        is. Raises ValueError for another ending, OSError.
-        """
-        check_name(path)
-        if is_table(path):
-            write_whole(path, self._write_table)
-        else:
-            write_whole(path, lambda file: np.savez(file, **self._arrays()))
-
     def _arrays(self) -> dict[str, Any]:
-        arrays: dict[str, Any] = {"format": FORMAT}
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if field.name == "metadata":
-                value = json.dumps(value)
-            if field.name == "state":
-                arrays |= {_STATE + name: array for name, array in (value or {}).items()}
-            elif value is not None:
-                arrays[field.name] = value
-        return arrays
+        arrays = super()._arrays()
+        state = arrays.pop("state", {})
+        return arrays | {_STATE + name: array for name, array in state.items()}
 
     def table(self) -> dict[str, np.ndarray]:
         """The rows as columns (n,), by a name with the unit: t [s], u(0.992 m) [m], contact_force(0.006 m) [N], …"""
@@ -202,9 +210,6 @@ class Result(Drawn):
         from synth.research.labelled import dataset_of
 
         return dataset_of(self)
-
-    def _write_table(self, file: BinaryIO) -> None:
-        write_columns(self.table(), file)
 
 
 def write_columns(columns: dict[str, np.ndarray], file: BinaryIO) -> None:

@@ -172,10 +172,9 @@ from synth.solver.schemes import SCHEMES, clamping_warning, energy_warning, rise
 DEFAULT_RATE_HZ = 44100.0
 
 
-class Overrides(TypedDict, total=False):
-    """What `simulate` may be given by name instead of in the case, and `quality`; None replaces nothing."""
+class SchemeOverrides(TypedDict, total=False):
+    """Keys of a case's [scheme] by name, but for `name`, which is `scheme`; None replaces nothing."""
 
-    quality: str | None
     scheme: str | None
     restitution: float | None
     residual_compliance: bool | None
@@ -189,6 +188,12 @@ class Overrides(TypedDict, total=False):
     iterations: int | None
     grid: str | None
     drift_correction: float | None
+
+
+class Overrides(SchemeOverrides, total=False):
+    """What `simulate` may be given by name instead of in the case, and `quality`; None replaces nothing."""
+
+    quality: str | None
     internal_rate_hz: float | None
     output_rate_hz: float | None
     modes: int | None

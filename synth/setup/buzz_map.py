@@ -29,18 +29,16 @@ PLACE_M, GAUGE = 0.005, 0.01
 
 
 @dataclass(frozen=True)
-class Spot:
-    """One note of a buzz map. Displacements are those of the string under the finger, normal to the board [m].
+class Spot(Threshold):
+    """One note of a buzz map: its threshold, low_m and high_m with what the place of the stroke adds, and more.
+    Displacements are those of the string under the finger, normal to the board [m].
 
     string, fret, note    where: the string's name, its fret (0: open), the MIDI note
     clearance_m           least clearance of the string at rest; inf over nothing, negative where it rests on a fret
     stroke_m              displacement of the map's stroke
-    velocity              MIDI velocity of the stroke
-    touch_m, touched      least displacement at which the string touches something, and what; inf, "": nothing up to limit_m
-    buzz_m, buzzes_on     least displacement at which a buzz is heard, and the contact that then gives the largest impulse
-    low_m, high_m         interval of buzz_m: numerical error, and the place of the stroke
+    touched               what the string touches first; "": nothing up to limit_m
+    buzzes_on             the contact that gives the largest impulse where a buzz is just heard
     buzz_velocity         about the MIDI velocity of that stroke; above 127 no key gives it
-    returns_m             largest displacement tried beyond buzz_m at which no buzz is heard: chaotic motion; else nan
     place_percent, gauge_percent   change of touch_m with the place of the stroke (±5 mm), and of the plucking force there
                           with the string's diameter (+1 %)
     stroke_db             B of the map's stroke itself [dB]
@@ -53,15 +51,9 @@ class Spot:
     note: int
     clearance_m: float
     stroke_m: float
-    velocity: int
-    touch_m: float
     touched: str
-    buzz_m: float
     buzzes_on: str
-    low_m: float
-    high_m: float
     buzz_velocity: float
-    returns_m: float
     place_percent: float
     gauge_percent: float
     stroke_db: float
@@ -152,25 +144,24 @@ def spot(
     low, high = _interval(found, by_place)
     touched = 0.0 if resting else touch
     return Spot(
-        place.string,
-        place.fret,
-        place.note,
-        float(under.clearance_m(note.position.length_m).min(initial=math.inf)),
-        stroke.displacement_m,
-        velocity,
-        touched if touched <= limit else math.inf,
-        "" if touched > limit else on if resting else under.names[int(reach.argmin())],
-        found.buzz_m,
-        on,
-        low,
-        high,
-        velocity_of(stroke, velocity, preset.pluck.velocity_exponent, found.buzz_m),
-        found.returns_m,
-        100.0 * by_place,
-        100.0 * by_gauge,
-        math.inf if resting else level(stroke.displacement_m) if touch < stroke.displacement_m else 0.0,
-        limit,
-        resting,
+        touch_m=touched if touched <= limit else math.inf,
+        buzz_m=found.buzz_m,
+        low_m=low,
+        high_m=high,
+        returns_m=found.returns_m,
+        string=place.string,
+        fret=place.fret,
+        note=place.note,
+        clearance_m=float(under.clearance_m(note.position.length_m).min(initial=math.inf)),
+        stroke_m=stroke.displacement_m,
+        touched="" if touched > limit else on if resting else under.names[int(reach.argmin())],
+        buzzes_on=on,
+        buzz_velocity=velocity_of(stroke, velocity, preset.pluck.velocity_exponent, found.buzz_m),
+        place_percent=100.0 * by_place,
+        gauge_percent=100.0 * by_gauge,
+        stroke_db=math.inf if resting else level(stroke.displacement_m) if touch < stroke.displacement_m else 0.0,
+        limit_m=limit,
+        resting=resting,
     )
 
 

@@ -146,7 +146,7 @@ def test_rendering_to_an_array_is_what_the_command_writes(tmp_path) -> None:
     file.save(tmp_path / "song.mid")
     more = {"quality": "draft", "tail": 0.1}
     out = str(tmp_path / "out.wav")
-    render_file(RenderSettings(str(tmp_path / "song.mid"), out, "tanpura-light", bit_depth="float", **more))
+    render_file(RenderSettings(str(tmp_path / "song.mid"), out, preset="tanpura-light", bit_depth="float", **more))
     written = soundfile.read(out, dtype="float32")[0]
     assert written.any()
     done = synth.render(file, "tanpura-light", stems=True, **more)

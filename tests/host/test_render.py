@@ -71,7 +71,7 @@ def song(tmp_path) -> str:
 def test_a_render_and_its_report(tmp_path, song, engine) -> None:
     out = str(tmp_path / "song.wav")
     heard: list[str] = []
-    report = render_file(RenderSettings(song, out, "jawari-harp", tail=0.0, block=50), warn=heard.append)
+    report = render_file(RenderSettings(song, out, preset="jawari-harp", tail=0.0, block=50), warn=heard.append)
     assert engine.prepared == (44100, 50)
     sound, rate_hz = soundfile.read(out)
     assert rate_hz == report.rate_hz == 44100
@@ -95,7 +95,13 @@ def test_a_render_and_its_report(tmp_path, song, engine) -> None:
 def test_normalizing_scales_mix_and_stems_alike(tmp_path, song, engine) -> None:
     stems = tmp_path / "stems"
     settings = RenderSettings(
-        song, str(tmp_path / "song.wav"), "jawari-harp", normalize_dbfs=-6.0, stems=str(stems), bit_depth="float", tail=0.0
+        song,
+        str(tmp_path / "song.wav"),
+        preset="jawari-harp",
+        normalize_dbfs=-6.0,
+        stems=str(stems),
+        bit_depth="float",
+        tail=0.0,
     )
     report = render_file(settings)
     mix, _ = soundfile.read(tmp_path / "song.wav")
@@ -111,14 +117,16 @@ def test_normalizing_scales_mix_and_stems_alike(tmp_path, song, engine) -> None:
 def test_a_fallback_where_nothing_is_played(tmp_path, song) -> None:
     everything_out = {0: "none", 1: "none"}
     settings = RenderSettings(
-        song, str(tmp_path / "x.wav"), None, everything_out, fallback="jawari-harp", fold=True, tail=0.0
+        song, str(tmp_path / "x.wav"), channel_presets=everything_out, fallback="jawari-harp", fold=True, tail=0.0
     )
     report = render_file(settings)
     assert (report.notes, report.channels, report.left_out) == (0, [], {1: 1, 2: 1, 10: 1})
 
 
 def test_stems_alone(tmp_path, song, engine) -> None:
-    report = render_file(RenderSettings(song, None, "jawari-harp", stems=str(tmp_path / "s"), container="flac", tail=0.0))
+    report = render_file(
+        RenderSettings(song, None, preset="jawari-harp", stems=str(tmp_path / "s"), container="flac", tail=0.0)
+    )
     assert sorted(os.listdir(tmp_path / "s")) == ["ch01-jawari-harp.flac", "ch02-jawari-harp.flac"]
     assert report.output is None
 
@@ -233,7 +241,7 @@ def test_silent_parts_have_no_stem(tmp_path, song, engine, bits: str) -> None:
 
     engine.process = one
     folder = tmp_path / "s"
-    settings = RenderSettings(song, None, "jawari-harp", stems=str(folder), bit_depth=bits, tail=0.0)
+    settings = RenderSettings(song, None, preset="jawari-harp", stems=str(folder), bit_depth=bits, tail=0.0)
     report = render_file(settings)
     assert os.listdir(folder) == ["ch01-jawari-harp.wav"] and report.stems == [str(folder / "ch01-jawari-harp.wav")]
     assert report.silent_stems == ["ch02-jawari-harp"]
@@ -396,7 +404,7 @@ def test_a_folder_of_stems_that_cannot_be_completed_is_taken_away(tmp_path, song
         committed(writer, kind, *more)
 
     monkeypatch.setattr(job.audiofile.AudioWriter, "__exit__", fails)
-    settings = RenderSettings(song, None, "jawari-harp", stems=str(tmp_path / "s"), tail=0.0)
+    settings = RenderSettings(song, None, preset="jawari-harp", stems=str(tmp_path / "s"), tail=0.0)
     with pytest.raises(OSError, match="no"):
         render_file(settings)
     assert not (tmp_path / "s").exists()
@@ -465,8 +473,8 @@ def test_only_what_is_rendered_is_reported(tmp_path, engine) -> None:
     far = [on(10 + beat, channel=1) for beat in range(8)]  # below the harp's strings
     drums = [on(36, channel=9) for _ in range(8)]
     path.write_bytes(header(1, tracks=3) + beats(*late) + beats(*far) + beats(*drums))
-    whole = render_file(RenderSettings(str(path), str(tmp_path / "x.wav"), "jawari-harp", tail=0.0))
-    part = render_file(RenderSettings(str(path), str(tmp_path / "x.wav"), "jawari-harp", start_s=1.0, end_s=2.0))
+    whole = render_file(RenderSettings(str(path), str(tmp_path / "x.wav"), preset="jawari-harp", tail=0.0))
+    part = render_file(RenderSettings(str(path), str(tmp_path / "x.wav"), preset="jawari-harp", start_s=1.0, end_s=2.0))
     assert (whole.notes, len(whole.unplayed), whole.left_out) == (16, 8, {10: 8})
     assert (part.notes, [entry["note"] for entry in part.unplayed], part.left_out) == (4, ["C0", "C#0"], {10: 2})
     assert [(row["channel"], row["notes"], row["low"], row["high"]) for row in part.channels] == [

@@ -113,7 +113,7 @@ def test_the_file_is_the_commands(tmp_path: Path, name: str, bits: str) -> None:
     settings: dict = {"quality": "draft", "tail": 0.05, "seed": 7}
     render_file(
         RenderSettings(
-            str(tmp_path / "song.mid"), str(tmp_path / f"command-{name}"), "tanpura-light", bit_depth=bits, **settings
+            str(tmp_path / "song.mid"), str(tmp_path / f"command-{name}"), preset="tanpura-light", bit_depth=bits, **settings
         )
     )
     synth.render(file, "tanpura-light", **settings).save(tmp_path / name, bit_depth=bits)
@@ -383,6 +383,6 @@ def test_articulations_are_heard_and_named() -> None:
 def test_settings_are_those_of_the_command() -> None:
     from synth.host.memory import RenderOptions
 
-    own = {"midi", "output", "preset", "channel_presets", "rate_hz", "stems"}
+    own = {"midi", "output", "preset", "channel_presets", "made", "rate_hz", "stems"}
     assert set(RenderOptions.__annotations__) == set(RenderSettings.__dataclass_fields__) - own
     assert notelist.is_phrase([Note(60)]) and not notelist.is_phrase("song.mid") and not notelist.is_phrase([])

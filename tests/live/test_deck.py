@@ -14,7 +14,7 @@ from numba import njit
 from synth import Engine, load_preset
 from synth.live import exchange as d
 from synth.live import render_block as native
-from synth.live.deck import Deck
+from synth.live.deck import Deck, LastNote
 from synth.midi.events import BEND, CONTROL, EVENT, NOTE_OFF, NOTE_ON, PARAMETER, PROGRAM, make_events
 from tests.patience import until
 
@@ -283,10 +283,10 @@ def test_meters_say_what_was_played(tanpura: Engine) -> None:
     deck.schedule(make_events([(0, NOTE_ON, 0, 48, 100), (9, NOTE_ON, 3, 43, 77), (10, NOTE_OFF, 3, 43)]))
     heard = card.ask(4096)
     meters = deck.meters()
-    assert (meters.last_note, meters.last_velocity, meters.last_channel) == (43, 77, 3)
+    assert meters.last == LastNote(43, 77, 3)
     assert meters.peak == pytest.approx(np.abs(heard).max(), rel=1e-6)
     assert meters.strings == 2 and meters.blocks == 1 and meters.frames == 4096 and meters.events == 3
-    assert 0.0 < meters.cpu_worst and 0.0 < meters.load_median == meters.load_worst
+    assert 0.0 < meters.load.cpu_worst and 0.0 < meters.load.median == meters.load.worst
     deck.panic()
     for _ in range(20):
         card.ask(4096)

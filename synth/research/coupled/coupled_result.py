@@ -26,15 +26,13 @@ from __future__ import annotations
 import json
 import os
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from synth.files.npz import read_npz
-from synth.files.targets import write_whole
 from synth.research.citations import bibtex, sources_of
-from synth.research.result import ResultError, check_name, counted, is_table, write_columns
-from synth.research.result_pictures import Drawn
+from synth.research.result import Recorded, ResultError, counted
 from synth.solver.coupled_study import ENERGIES
 
 if TYPE_CHECKING:
@@ -47,7 +45,7 @@ _UNITS = ("m", "m", "rad")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class CoupledResult(Drawn):
+class CoupledResult(Recorded):
     """The arrays that a run of strings on a body gave, made by `simulate` and `load_coupled_result`.
 
     n rows, of which row 0 is t = 0; P outputs and C contacts, of all strings one after the other; D components of the
@@ -92,8 +90,6 @@ class CoupledResult(Drawn):
     <CoupledResult: exact-hold, 0 to 0.001 s in 49 rows, 3 outputs, 4 contacts of 2 strings at 48000 Hz>
     """
 
-    t: np.ndarray
-    u: np.ndarray
     u_contact: np.ndarray
     contact_force: np.ndarray
     bridge: np.ndarray
@@ -101,20 +97,8 @@ class CoupledResult(Drawn):
     radiated: np.ndarray
     energy: np.ndarray | None
     output_string: np.ndarray
-    positions: np.ndarray
     contact_string: np.ndarray
-    contact_positions: np.ndarray
-    contact_heights: np.ndarray
-    largest_penetration_m: float
-    largest_energy_rise: float
-    last_contact_s: float
     final: np.ndarray
-    metadata: dict[str, Any]
-
-    @property
-    def summary(self) -> dict[str, Any]:
-        """The few numbers that `synth simulate` prints."""
-        return self.metadata["summary"]
 
     def citation(self) -> str:
         """BibTeX of the program, at its present version, and of the papers whose methods the run used."""
@@ -131,22 +115,8 @@ class CoupledResult(Drawn):
             f"{counted(len(about['case']['string']), 'string')} at {about['internal_rate_hz']:g} Hz{ledger}>"
         )
 
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes all of it as .npz, or the rows as a table if the name ends in .csv; whole or not at all. Raises ValueError
-        for another ending, OSError."""
-        check_name(path)
-        if is_table(path):
-            write_whole(path, self._write_table)
-        else:
-            write_whole(path, lambda file: np.savez(file, **self._arrays()))
-
     def _arrays(self) -> dict[str, Any]:
-        arrays: dict[str, Any] = {"format": FORMAT, "kind": KIND}
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if value is not None:
-                arrays[field.name] = json.dumps(value) if field.name == "metadata" else value
-        return arrays
+        return super()._arrays() | {"format": FORMAT, "kind": KIND}
 
     def table(self) -> dict[str, np.ndarray]:
         """The rows as columns (n,), by a name with the unit: t [s], u(1, 0.1 m) [m], bridge(normal) [m], …"""
@@ -176,9 +146,6 @@ class CoupledResult(Drawn):
         from synth.research.labelled import coupled_dataset_of
 
         return coupled_dataset_of(self)
-
-    def _write_table(self, file: BinaryIO) -> None:
-        write_columns(self.table(), file)
 
 
 def load_coupled_result(path: str | os.PathLike[str]) -> CoupledResult:
