@@ -17,6 +17,7 @@ from synth.solver.line_certificates import certify_line
 class Kernel:
     """Lines, bridge and body of a system over frames of frame_s [s] in `steps` steps, contacts at `places`.
 
+    radiation (channels, M) of the body, all that its modes do unless said; struck, knocks: as `CoupledLines` has them.
     steps_of: of each line, where they differ. layers (3, C) of the contacts. engaged: whether contacts are looked at from
     the start, or only where they are not certified.
     """
@@ -36,6 +37,9 @@ class Kernel:
         layers: np.ndarray | None = None,
         path: int = 1,
         culled_from: int = coupling.CULLED_FROM,
+        radiation: np.ndarray | None = None,
+        struck: np.ndarray | None = None,
+        knocks: int = 1,
     ) -> None:
         self.system, self.engaged = system, engaged
         body = system.body
@@ -62,10 +66,10 @@ class Kernel:
                     None if layers is None or not mine else np.ascontiguousarray(layers[:, mine]),
                 )
             )
-        radiation = np.ones((1, len(body.modes)))
+        radiation = np.ones((1, len(body.modes))) if radiation is None else radiation
         each = [steps] * len(lines) if steps_of is None else steps_of
-        there = BodyArrays(body.omega, body.sigma, body.mass, body.shapes, radiation)
-        self.lines = CoupledLines(lines, there, frame_s, each, path=path, culled_from=culled_from)
+        there = BodyArrays(body.omega, body.sigma, body.mass, body.shapes, radiation, struck)
+        self.lines = CoupledLines(lines, there, frame_s, each, path=path, culled_from=culled_from, knocks=knocks)
         self.models, self.states, self.ends = self.lines.models, self.lines.states, self.lines.ends
         self.coupling = self.lines.coupling
         for end, mine in zip(self.ends, self.mine, strict=True):
@@ -104,7 +108,8 @@ class Kernel:
             n = w[line].stop - w[line].start
             x[w[line]] = state.q[:n]
             x[rates[line]] = state.v[:n] - end.kick[:n] * (self.coupling.direction[line] @ self.coupling.speed)
-        x[p], x[v] = self.coupling.p, self.coupling.p_speed
+        modes = len(self.system.body.modes)
+        x[p], x[v] = self.coupling.p[:modes], self.coupling.p_speed[:modes]
         return x
 
     @property

@@ -11,6 +11,7 @@ from synth.engine.layout import QUANTUM, Bank, Shared
 from synth.instrument.soundboard import Soundboard
 from synth.native.arrays import Pool, allocate
 from synth.native.views import table
+from synth.solver.coupled_body import body_fields, body_sizes
 from synth.solver.coupling import COUPLING_SIZES, CULLED_FROM, MOST_STEPS, Coupling, End, in_components
 from synth.solver.lanes import padded, padded_single
 
@@ -21,13 +22,14 @@ END_ROOM = (
     "single_of", "single_flight", "single_kick", "single_pull", "single_q", "single_v",
 )  # fmt: skip
 COUPLING_ROOM = (
-    "touching", "pull", "kicks", "small", "jacobian", "newton", "body_free", "kept_body", "kept", "knock", "knocked",
+    "touching", "pull", "kicks", "small", "jacobian", "newton", "free", "goes", "radiates", "force",
+    "kept", "knock", "knocked",
     "big", "big_compact", "big_factor", "big_rows", "big_index", "big_marks",
 )  # fmt: skip
 #: …and what is constant, or an address
 COUPLING_FIXED = (
-    "steps", "line_model", "line_state", "line_end", "direction", "body", "shape", "gamma", "radiation", "body_mass",
-    "body_omega", "friction", "hand",
+    "steps", "line_model", "line_state", "line_end", "direction", "friction", "body", "shape", "parts", "gamma",
+    "radiation", "body_mass", "body_omega", "struck", "moves", "sounds",
 )  # fmt: skip
 
 
@@ -71,8 +73,9 @@ class Bridges:
             body, lines = shared.body, len(mine)
             soft = int(bank.models["layered"].any())
             rows = lines + (1 + soft) * sum(sizes[self.strings.index(s)]["contacts"] for s in mine)
-            shape = in_components(body.shape, 0)
-            extents = {"lines": lines, "body": shape.shape[1], "channels": 2, "rows": rows, "knocks": QUANTUM}
+            struck = body.frame_s * body.hand / body.mass
+            given = body_fields(body.steps, body.shape, body.radiation, body.mass, body.omega, struck)
+            extents = {"lines": lines, "rows": rows, "knocks": QUANTUM} | body_sizes(given)
             self.couplings.append(
                 allocate(
                     Coupling,
@@ -82,14 +85,8 @@ class Bridges:
                     culled_from=CULLED_FROM,
                     steps=np.ascontiguousarray(bank.strings["factor"][mine.start : mine.stop]),
                     direction=in_components(body.direction, 1),
-                    body=np.ascontiguousarray(body.steps),
-                    shape=shape,
-                    gamma=np.ascontiguousarray((shape * body.steps[4]) @ shape.T),
-                    radiation=np.ascontiguousarray(body.radiation),
-                    body_mass=body.mass.copy(),
-                    body_omega=body.omega.copy(),
-                    hand=body.hand.copy(),
                     friction=np.ascontiguousarray(bank.strings["friction"][mine.start : mine.stop]),
+                    **given,
                 )
             )
         self.instruments = [shared.instrument for shared in bodies]

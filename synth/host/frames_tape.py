@@ -99,7 +99,7 @@ def taped_together(core: int, thread: int, i: int, _: int) -> None:
             for j in range(room):
                 tape.q[shot, place + j] = string.q[j] if j < model.n else 0.0
                 tape.v[shot, place + j] = string.v[j] if j < model.n else 0.0
-        for j in range(coupling.p.size):
+        for j in range(tape.p.shape[1]):
             tape.p[shot, j] = coupling.p[j]
             tape.p_speed[shot, j] = coupling.p_speed[j]
         for j in range(tape.bridge.shape[1]):

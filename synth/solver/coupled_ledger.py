@@ -41,7 +41,18 @@ from synth.solver.coupled_study import (
     WORK_OBSTACLE,
     coupled_study,
 )
-from synth.solver.coupling import FINGER_LEVERAGE, KEPT_BY_THE_REST, KIND, NEAR, SINGLE, TENSION, along, coupling_at, end_at
+from synth.solver.coupling import (
+    COMPONENTS,
+    FINGER_LEVERAGE,
+    KEPT_BY_THE_REST,
+    KIND,
+    NEAR,
+    SINGLE,
+    TENSION,
+    along,
+    coupling_at,
+    end_at,
+)
 from synth.solver.stringmodel import string_model, string_state
 
 
@@ -171,7 +182,9 @@ def weigh_frame(study: int) -> bool:
         return touched
     body = 0.0
     for k in range(c.p.size):
-        force = c.body_free[2, k]
+        force = 0.0
+        for i in range(COMPONENTS):
+            force += c.shape[i, k] * c.force[i, 0]
         w_old, w_new = c.body_omega[k] * t.kept_body[0, k], c.body_omega[k] * c.p[k]
         v_old, v_new = t.kept_body[1, k], c.p_speed[k]
         body += 0.5 * c.body_mass[k] * (v_old * v_old - v_new * v_new + w_old * w_old - w_new * w_new)

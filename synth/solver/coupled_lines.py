@@ -15,6 +15,7 @@ from synth.native.arrays import aligned, allocate
 from synth.native.views import table
 from synth.solver import coupling
 from synth.solver.block_rows import BLOCK
+from synth.solver.coupled_body import body_fields, body_sizes
 from synth.solver.fingers import fill_grip
 from synth.solver.lanes import padded
 from synth.solver.laws import EXACT_HOLD, coefficients
@@ -59,6 +60,7 @@ class BodyArrays(NamedTuple):
     mass: np.ndarray  # (M,)
     shapes: np.ndarray  # Ψ (D, M)
     radiation: np.ndarray  # (channels, M), output of an acceleration
+    struck: np.ndarray | None = None  # (M,) what 1 N of a hand for a frame changes their velocities by; none: 0
 
 
 class CoupledLines:
@@ -77,9 +79,10 @@ class CoupledLines:
         most_modes: Sequence[int] | None = None,
         path: int = 1,
         culled_from: int = coupling.CULLED_FROM,
+        knocks: int = 1,
     ) -> None:
         """most_modes: of each line at any time, those it has now unless said; path: numbers that End.path takes;
-        culled_from: contacts of a line from which on some may be passed over."""
+        culled_from: contacts of a line from which on some may be passed over; knocks: numbers that Coupling.knock takes."""
         self._path = path
         self.steps = [int(count) for count in steps]
         self._frame_s = frame_s
@@ -90,11 +93,9 @@ class CoupledLines:
         self._modes = modes
         hold = coefficients(EXACT_HOLD, body.omega, body.sigma, 1.0, frame_s)
         hold[4:] /= body.mass
-        shape = coupling.in_components(body.shapes, 0)
-        extents = {
-            "lines": len(lines), "body": shape.shape[1],
-            "channels": body.radiation.shape[0], "rows": sum(rows) + len(lines),
-        }  # fmt: skip
+        struck = np.zeros_like(body.omega) if body.struck is None else body.struck
+        given = body_fields(hold, body.shapes, body.radiation, body.mass, body.omega, struck)
+        extents = {"lines": len(lines), "rows": sum(rows) + len(lines), "knocks": knocks} | body_sizes(given)
         self.coupling = allocate(
             coupling.Coupling,
             coupling.COUPLING_SIZES | extents,
@@ -103,12 +104,7 @@ class CoupledLines:
             culled_from=culled_from,
             steps=np.array(self.steps, np.int64),
             direction=coupling.in_components(np.array([line.direction for line in lines]), 1),
-            body=np.ascontiguousarray(hold),
-            shape=shape,
-            gamma=np.ascontiguousarray((shape * hold[4]) @ shape.T),
-            radiation=np.ascontiguousarray(body.radiation),
-            body_mass=np.ascontiguousarray(body.mass),
-            body_omega=np.ascontiguousarray(body.omega),
+            **given,
         )
         self._scratch = make_scratch(max(rows, default=0), max(modes), 1, BLOCK)
         self._kept = [table(state) for state in self.states]
@@ -223,8 +219,9 @@ class CoupledLines:
     def place(self, p: np.ndarray, p_speed: np.ndarray) -> None:
         """The body's modes are so, and the bridge with them, its mean motion as fast as they are."""
         body = self.coupling
-        body.p[:], body.p_speed[:] = p, p_speed
-        body.beta[:] = body.shape @ p
+        modes = p.size
+        body.p[:modes], body.p_speed[:modes] = p, p_speed
+        body.beta[:] = body.shape @ body.p
         body.speed[:] = 0.0
-        body.rest[:] = body.shape @ p_speed
+        body.rest[:] = body.shape @ body.p_speed
         self.gather()

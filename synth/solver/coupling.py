@@ -11,9 +11,10 @@ its mean force over the frame,
 
     f = −μ Σ c_j (ẏ⁺ − ẏ)_j / H − (T/L)(b + b⁺)/2 + mean of ξ λ,    ξ = x_c/L (less 1 for what rides on the bridge),
 
-which the body's modes are under while they pass the frame exactly. Inside a frame b̈ = 0, so that the work on a string is
-−f Δb and that on the body +f Δb: nothing but the losses changes the sum of all energies. The modes left out move with the
-bridge as one mass μ(L/3 − Σ c²), of a motion that forgets all but `KEPT_BY_THE_REST` of itself from frame to frame.
+which the body's modes are under while they pass the frame exactly (`coupled_body`). Inside a frame b̈ = 0, so that the work
+on a string is −f Δb and that on the body +f Δb: nothing but the losses changes the sum of all energies. The modes left out
+move with the bridge as one mass μ(L/3 − Σ c²), of a motion that forgets all but `KEPT_BY_THE_REST` of itself from frame to
+frame.
 
     coupling   the instrument       coupling_at(address)
     end        of one line of it    end_at(address)
@@ -84,6 +85,8 @@ N_NUMBERS = 18
 N_COUNTS = 13
 #: what a line is in a block: apart; engaged, but clear of its contacts for the block; one contact; several, or a finger
 FAR, CLEAR, SINGLE, SEVERAL = range(4)
+#: place of a hand's push among the forces on a body, behind the components of the bridge's
+HAND = COMPONENTS
 #: rows of End.own and shares: while it is not looked at, while it is
 APART, LOOKED_AT = range(2)
 #: places in End.answer
@@ -181,14 +184,18 @@ class Coupling(NamedTuple):
     line_state: Annotated[np.ndarray, i8("lines")]  # … StringState …
     line_end: Annotated[np.ndarray, i8("lines")]  # … and End
     direction: Annotated[np.ndarray, f8("lines, components")]  # B
-    body: Annotated[np.ndarray, f8("6, body")]  # p11, p12, p21, p22, kq, kv over a frame, of a force
+    friction: Annotated[np.ndarray, f8("lines")]  # of a line at the contacts of the line before, 0: there is none
+    # the body, `coupled_body.body_fields`
+    body: Annotated[np.ndarray, f8("ROWS, body")]  # of a frame, `lanes`
     shape: Annotated[np.ndarray, f8("components, body")]  # Ψ
+    parts: Annotated[np.ndarray, i8("parts")]  # numbers of the components that it moves the bridge in
     gamma: Annotated[np.ndarray, f8("components, components")]  # Γ = Ψ diag(kq) Ψᵀ
     radiation: Annotated[np.ndarray, f8("channels, body")]  # output of an acceleration
     body_mass: Annotated[np.ndarray, f8("body")]  # [kg]
     body_omega: Annotated[np.ndarray, f8("body")]
-    friction: Annotated[np.ndarray, f8("lines")]  # of a line at the contacts of the line before, 0: there is none
-    hand: Annotated[np.ndarray, f8("body")]  # what each mode moves where a hand pushes on the body
+    struck: Annotated[np.ndarray, f8("body")]  # what velocities change by as a hand pushes on the body by 1 N for a frame
+    moves: Annotated[np.ndarray, f8("components, components + 1, RESPONSE")]  # the bridge, by 1 N in each, and by the hand
+    sounds: Annotated[np.ndarray, f8("channels, components + 1, RESPONSE")]  # change of the radiating speed over each frame
     # state
     p: Annotated[np.ndarray, f8("body")]  # displacements …
     p_speed: Annotated[np.ndarray, f8("body")]  # … and velocities of the body's modes
@@ -216,8 +223,10 @@ class Coupling(NamedTuple):
     small: Annotated[np.ndarray, f8("6, components")]
     jacobian: Annotated[np.ndarray, f8("components, components")]
     newton: Annotated[np.ndarray, f8("components, components")]
-    body_free: Annotated[np.ndarray, f8("3, body")]
-    kept_body: Annotated[np.ndarray, f8("2, body")]
+    free: Annotated[np.ndarray, f8("components, BLOCK")]  # where the body moves the bridge to without a force, …
+    goes: Annotated[np.ndarray, f8("components, BLOCK")]  # … and with those that have acted in the block
+    radiates: Annotated[np.ndarray, f8("channels, BLOCK")]  # change of the radiating speed over each frame
+    force: Annotated[np.ndarray, f8("components + 1, BLOCK")]  # on the bridge in each frame, and of the hand on the body
     kept: Annotated[np.ndarray, f8("4, components")]
     big: Annotated[np.ndarray, f8("rows*rows")]  # the problem of all contacts and fingers, where forces are held
     big_compact: Annotated[np.ndarray, f8("rows*rows")]
@@ -398,7 +407,6 @@ COUPLING_SIZES = {
     "N_KNOWN": N_KNOWN,
     "FEW": FEW,
     "SETS": 1 << FEW,
-    "knocks": 1,
 }
 
 

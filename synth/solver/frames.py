@@ -1,10 +1,10 @@
 """Coupled strings through time, a frame of the bridge after the other: see `coupling`.
 
 In a block of K frames the lines that touch nothing pass over their modes once, as in free flight, and so do those that are
-certain to stay clear of their contacts for the block; those whose contacts or finger are looked at take r passes of K
-steps, r a line's own, without the contacts that are out of reach (`line_culling`). A pass gives what the modes would do if
-the bridge kept its speed; what each frame's kicks and forces do beside that are sums over a few numbers. So a frame is
-decided on D = COMPONENTS numbers:
+certain to stay clear of their contacts for the block, and the body (`coupled_body`); those whose contacts or finger are
+looked at take r passes of K steps, r a line's own, without the contacts that are out of reach (`line_culling`). A pass gives
+what the modes would do if the bridge kept its speed; what each frame's kicks and forces do beside that are sums over a few
+numbers. So a frame is decided on D = COMPONENTS numbers:
 
     Δβ = (I + ΓA/H)⁻¹ (β_free − β + Γ (F₀ + J(V))),
 
@@ -19,6 +19,7 @@ import numpy as np
 from numba import njit
 
 from synth.solver.block_rows import ADV11, ADV12, BLOCK
+from synth.solver.coupled_body import begin_body, drive_body, look_at_body, push_body
 from synth.solver.coupling import (
     AHEAD,
     APART,
@@ -78,7 +79,7 @@ from synth.solver.line_tables import fill_finger, look_at
 from synth.solver.single import fill_single_rows, give_back, round_into, take
 from synth.solver.stepwise import fly
 from synth.solver.stringmodel import string_model, string_state
-from synth.solver.vectors import FAST, INNER, add, dot, put
+from synth.solver.vectors import FAST, INNER, add, put
 
 #: iterations after which the forces are held, and how near to a root they end, of the terms of the equation
 MOST_ITERATIONS = 24
@@ -136,12 +137,13 @@ def _certain_block(coupling: int, scratch: int, frames: int, at: int, until: int
         uncertain = uncertain or e.counts[KIND] == CLEAR or e.counts[CERTIFIED] > 0 or e.known[CULLING] != NEVER
     if uncertain:
         _keep(coupling)
+    look_at_body(coupling)
     status = int(np.int64(0))
     again = True
     while again:
         if _look_closer(coupling, scratch, max(BLOCK, until - at)):
             _gather_again(coupling, frames)
-        status = _block(coupling, scratch, frames, at, out)
+        status = _block(coupling, scratch, frames, at)
         again = False
         for line in range(c.line_end.size):
             e = end_at(c.line_end[line])
@@ -167,6 +169,7 @@ def _certain_block(coupling: int, scratch: int, frames: int, at: int, until: int
     for line in range(c.line_end.size):
         if c.friction[line] == 0.0 and string_model(c.line_model[line]).shapes.shape[0] > 0:
             spend(coupling, line)
+    drive_body(coupling, frames, at, out)
     return status
 
 
@@ -229,8 +232,6 @@ def _begin_to_look(coupling: int, line: int, scratch: int, frames: int) -> None:
 def _keep(coupling: int) -> None:
     """What a block changes, as it begins."""
     c = coupling_at(coupling)
-    put(c.kept_body[0], c.p)
-    put(c.kept_body[1], c.p_speed)
     put(c.kept[0], c.speed)
     put(c.kept[1], c.beta)
     put(c.kept[2], c.rest)
@@ -256,10 +257,8 @@ def _keep_line(c, line: int) -> None:
 
 @njit(**INNER)
 def _take_back(coupling: int) -> None:
-    """All as the block began."""
+    """All as the block began; of the body nothing has changed (`coupled_body`)."""
     c = coupling_at(coupling)
-    put(c.p, c.kept_body[0])
-    put(c.p_speed, c.kept_body[1])
     put(c.speed, c.kept[0])
     put(c.beta, c.kept[1])
     put(c.rest, c.kept[2])
@@ -402,23 +401,6 @@ def _step_apart(coupling: int) -> None:
             fly(e.flight, q, v)
 
 
-@njit(**INNER)
-def _knock_body(coupling: int, at: int) -> None:
-    """A push of the hand on the body, as what it gives the modes over a frame: at its start."""
-    c = coupling_at(coupling)
-    for j in range(c.hand.size):
-        c.p_speed[j] += c.knock[at] * c.frame * c.hand[j] / c.body_mass[j]
-
-
-@njit(**INNER)
-def _hear_knock(coupling: int, at: int, out) -> None:
-    """Add what that push itself accelerates to what is heard in its frame, which counts from behind it."""
-    c = coupling_at(coupling)
-    for channel in range(out.shape[0]):
-        for j in range(c.hand.size):
-            out[channel, at] += c.radiation[channel, j] * c.knock[at] * c.hand[j] / c.body_mass[j]
-
-
 @njit(inline="always")
 def _within(c, e, line: int, number: int) -> tuple[int, int]:
     """(frames that a line goes before it is driven, which of them this frame of the block is)."""
@@ -427,7 +409,7 @@ def _within(c, e, line: int, number: int) -> tuple[int, int]:
 
 
 @njit(**INNER)
-def _block(coupling: int, scratch: int, frames: int, at: int, out) -> int:
+def _block(coupling: int, scratch: int, frames: int, at: int) -> int:
     """K frames, or one, from number `at` of the call on; a line that is looked at takes K steps of its own at a time. Left
     off where a contact was passed over that might have been touched."""
     c = coupling_at(coupling)
@@ -441,6 +423,7 @@ def _block(coupling: int, scratch: int, frames: int, at: int, out) -> int:
             touching += 1
             c.touching[touching] = line
     c.touching[0] = touching
+    begin_body(coupling, frames, at)
     for number in range(frames):
         for place in range(1, touching + 1):
             line = c.touching[place]
@@ -462,11 +445,7 @@ def _block(coupling: int, scratch: int, frames: int, at: int, out) -> int:
                     speed, height = along(c, line, c.speed), along(c, line, c.beta)
                     dt = c.frame if by_frames else string_model(c.line_model[line]).dt
                     look_at_line(c.line_model[line], c.line_state[line], end, steps_of(c, e, line), dt, speed, height)
-        if c.knocked[0]:
-            _knock_body(coupling, at + number)
-        status = max(status, _frame(coupling, scratch, number, at, out))
-        if c.knocked[0]:
-            _hear_knock(coupling, at + number, out)
+        status = max(status, _frame(coupling, scratch, number, at))
         for place in range(1, touching + 1):
             if _is_used_up(end_at(c.line_end[c.touching[place]])):
                 return status
@@ -532,42 +511,12 @@ def _pulls(c, number: int) -> tuple[float, float, float]:
 
 
 @njit(fastmath=FAST, **INNER)
-def _fly_body(c) -> tuple[float, float, float]:
-    """The body's modes after a frame without a force, into Coupling.body_free; what they move the bridge to (D,)."""
-    free, body, p, p_speed, shape = c.body_free, c.body, c.p, c.p_speed, c.shape
-    x, y, z = 0.0, 0.0, 0.0
-    for j in range(p.size):
-        there = body[0, j] * p[j] + body[1, j] * p_speed[j]
-        free[0, j] = there
-        free[1, j] = body[2, j] * p[j] + body[3, j] * p_speed[j]
-        x += shape[0, j] * there
-        y += shape[1, j] * there
-        z += shape[2, j] * there
-    return x, y, z
-
-
-@njit(fastmath=FAST, **INNER)
-def _push_body(c, force, per_frame: float) -> None:
-    """The body's modes under a force of the bridge (D,) held over the frame; their mean acceleration into body_free[1], what
-    each is pushed with into body_free[2]."""
-    free, body, p, p_speed, shape = c.body_free, c.body, c.p, c.p_speed, c.shape
-    x, y, z = force
-    for j in range(p.size):
-        push = x * shape[0, j] + y * shape[1, j] + z * shape[2, j]
-        free[2, j] = push
-        speed = free[1, j] + body[5, j] * push
-        p[j] = free[0, j] + body[4, j] * push
-        free[1, j] = (speed - p_speed[j]) * per_frame
-        p_speed[j] = speed
-
-
-@njit(fastmath=FAST, **INNER)
-def _frame(coupling: int, scratch: int, number: int, begin: int, out) -> int:
-    """Frame `number` of the block, out[:, begin + number]."""
+def _frame(coupling: int, scratch: int, number: int, begin: int) -> int:
+    """Frame `number` of the block, which begins with frame `begin` of the call."""
     c = coupling_at(coupling)
     small, per_frame = c.small, 1.0 / c.frame
     beta, speed, rest, momentum, held = _triple(c.beta), _triple(c.speed), _triple(c.rest), _triple(c.momentum), c.held
-    gone = _fly_body(c)
+    gone = (c.goes[0, number], c.goes[1, number], c.goes[2, number])
     there = (gone[0] - beta[0], gone[1] - beta[1], gone[2] - beta[2])
     pull, stays, left = _pulls(c, number), _times(c.moving, speed), _times(c.rest_mass, rest)
     stiff, twice = _times(c.tension, beta), 1.0 + KEPT_BY_THE_REST
@@ -598,9 +547,7 @@ def _frame(coupling: int, scratch: int, number: int, begin: int, out) -> int:
         force[1] + contact[1] - against[1],
         force[2] + contact[2] - against[2],
     )
-    _push_body(c, total, per_frame)
-    for channel in range(out.shape[0]):
-        out[channel, begin + number] = dot(c.radiation[channel], c.body_free[1])
+    push_body(c, number, total)
     _settle(coupling, c, number, v, speed, rest)
     given = _times(c.gamma, total)
     _put(c.beta, (gone[0] + given[0], gone[1] + given[1], gone[2] + given[2]))

@@ -117,7 +117,7 @@ def _emit_pass(code: Code, motion: str, kinds: str) -> None:
     count ≥ 1, which (≥count,) int64, shapes (C, ≥n), forces (≥count, K); for "drive listed and one" these and then those of
     "drive"; for each of these and "coast", where "kicked", too, kick shape (≥n,), kicks (K,); weights (≥n,) for each of
     `kinds`; an output (≥K,) for each of them: weights · x_{k+1}, x the displacements ("q") or velocities ("v") after each of
-    K free steps.
+    K free steps, or what the velocities change by in it ("a").
 
     Modes and what they are multiplied with may be float32; forces, kicks and outputs are float64. Rows of float32 hold
     Φ^K − 1 where those of float64 hold Φ^K (`single.fill_single_rows`).
@@ -182,16 +182,20 @@ def _emit_pass(code: Code, motion: str, kinds: str) -> None:
         x, y = ahead
         code.store(x, at_q, j)
         code.store(y, at_v, j)
-    chains = {}
+    chains = {}  # of each kind what two steps one after the other give; the second is this one's, or the first of "a"
     if "q" in kinds:
         chains["q"] = [x, code.fma(code.load(at[P11], j), x, code.times(code.load(at[P12], j), y))]
     if "v" in kinds:
         chains["v"] = [y, code.fma(code.load(at[P21], j), x, code.times(code.load(at[P22], j), y))]
+    if "a" in kinds:
+        first = code.fma(code.load(at[P21], j), x, code.times(code.load(at[P22], j), y))
+        second = code.fma(trace, first, code.times(minus_det, y))
+        chains["a"] = [b.fsub(first, y), b.fsub(second, first)]
     w = [code.load(a, j) for a in at_w]
     new: list[list] = [[] for _ in kinds]
     for k in range(BLOCK):
         for p, kind in enumerate(kinds):
-            new[p].append(code.fma(w[p], chains[kind][1], sums[p][k]))
+            new[p].append(code.fma(w[p], chains[kind][kind != "a"], sums[p][k]))
         if k + 1 < BLOCK:
             for kind, (older, newer) in chains.items():
                 chains[kind] = [newer, code.fma(trace, newer, code.times(minus_det, older))]
@@ -243,6 +247,7 @@ def one_kind_of_pass(motion: str, kinds: str, doubles: int = LANES, narrow_up_to
 _HELD = types.UniTuple(types.float64, 3)
 project_q = one_kind_of_pass("", "q")
 project_v = one_kind_of_pass("", "v")
+project_a = one_kind_of_pass("", "a")
 project_qq = one_kind_of_pass("", "qq")
 project_qv = one_kind_of_pass("", "qv")
 project_qqq = one_kind_of_pass("", "qqq")

@@ -42,8 +42,9 @@ def one_pass(motion: str, kinds: str) -> Callable[..., None]:
         for kind, weights, out in zip(kinds, rest[: len(kinds)], rest[len(kinds) :], strict=True):
             ahead = x, y
             for k in range(BLOCK):
-                ahead = _step(rows, *ahead)
-                out[k] = weights[:n].astype(np.float64) @ ahead[kind == "v"]
+                before, ahead = ahead, _step(rows, *ahead)
+                sought = {"q": ahead[0], "v": ahead[1], "a": ahead[1] - before[1]}[kind]
+                out[k] = weights[:n].astype(np.float64) @ sought
 
     return run
 

@@ -140,7 +140,7 @@ def test_strings_and_body_move_as_their_complex_modes() -> None:
         for part, speeds, string, line in zip(w, rates, strings, lines, strict=True):
             n = line.omega.size
             x[part], x[speeds] = string.q[:n], string.v[:n] + line.ramp * body.speed[0]
-        x[p], x[v] = body.p, body.p_speed
+        x[p], x[v] = body.p[: len(modes)], body.p_speed[: len(modes)]
         return x
 
     before = state()

@@ -78,6 +78,7 @@ def test_this_process_compiles() -> None:
 PASSES = (
     ("", "q"),
     ("", "qqq"),
+    ("", "av"),
     ("coast", ""),
     ("coast", "qv"),
     ("drive", "qq"),

@@ -177,12 +177,18 @@ def plain_of(player: scenes.Player) -> PlainInstrument:
             )
         )  # fmt: skip
     steps = [int(r) if line.eta.size else 1 for r, line in zip(coupling.steps, lines, strict=True)]
+    modes = np.count_nonzero(coupling.body_omega)
     plain = PlainInstrument(
-        lines, np.array(coupling.body), np.array(coupling.shape), np.array(coupling.radiation), coupling.frame, steps
+        lines,
+        coupling.body[:6, :modes].copy(),
+        coupling.shape[:, :modes].copy(),
+        coupling.radiation[:, :modes].copy(),
+        coupling.frame,
+        steps,
     )
     for k, s in enumerate(strings.bridges.strings):
         state, n = strings.states.items[s], plain.modes[k]
         plain.q[k, :n], plain.v[k, :n] = state.q[:n], state.v[:n]
-    plain.p[:], plain.p_speed[:], plain.held[:] = coupling.p, coupling.p_speed, coupling.held
+    plain.p[:], plain.p_speed[:], plain.held[:] = coupling.p[:modes], coupling.p_speed[:modes], coupling.held
     plain.speed[:], plain.rest[:] = coupling.speed, coupling.rest
     return plain

@@ -98,7 +98,7 @@ class CoupledPlayer:
             "lines": len(self.heights), "contacts": int(first[-1]), "modes": max(scene.modes), "points": len(points),
             "CHUNK": CHUNK, "PATH": CHUNK * MOST_STEPS + 1, "rows": scene.rows, "axes": scene.body.axes,
             "components": COMPONENTS,
-            "channels": 2, "body": len(scene.body.modes), "N_ENERGIES": study.N_ENERGIES, "N_SUMS": study.N_SUMS,
+            "channels": 2, "body": self.lines.coupling.p.size, "N_ENERGIES": study.N_ENERGIES, "N_SUMS": study.N_SUMS,
             "N_COUNTS": study.N_COUNTS, "weighed": scene.rows if run.ledger else 0,
         }  # fmt: skip
         return allocate(
@@ -361,7 +361,8 @@ class CoupledPlayer:
             n = w[k].stop - w[k].start
             x[w[k]] = state.q[:n]
             x[rates[k]] = state.v[:n] - self.lines.ends[k].kick[:n] * (body.direction[k] @ body.speed)
-        x[p], x[v] = body.p, body.p_speed
+        modes = len(self.scene.body.modes)
+        x[p], x[v] = body.p[:modes], body.p_speed[:modes]
         return x
 
     def _outcome(self, seconds: float) -> CoupledOutcome:
