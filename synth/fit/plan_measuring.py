@@ -38,7 +38,22 @@ MARGIN, FARTHEST = 0.5, 0.75
 #: velocities that are measured; the file of a plan names them
 VELOCITIES = (25, 40, 120)
 #: how far modes go that are tried [Hz]; none of them beyond half the rate
-HIGHEST_HZ = (6000.0, 7000.0, 8000.0, 9000.0, 10000.0, 12000.0, 14000.0, 16000.0, 18000.0, 20000.0, 28000.0, 40000.0)
+HIGHEST_HZ = (
+    6000.0,
+    7000.0,
+    8000.0,
+    9000.0,
+    10000.0,
+    12000.0,
+    14000.0,
+    16000.0,
+    18000.0,
+    20000.0,
+    28000.0,
+    40000.0,
+    56000.0,
+    80000.0,
+)
 #: of the law's rate times modes, what is worth a plan
 CHEAPER = 0.97
 #: times the law's rate that a plan may have on a string where the law misses the promise
