@@ -9,7 +9,7 @@ with fewer modes: as tools/calibrate-plan does it for random strings. A plan mus
 measured, and the limits themselves in `OTHERS`: between, harder, nearer to the saddle and farther from it, and in the other
 strokes of the preset. What is heard of the highs counts beside the promise. A plan costs less than the law's, unless the law
 itself misses the promise on that string: then it may have up to `DEARER` times the law's rate. Where nothing keeps the
-margin, neither does the law; a cheaper plan that is as near to the truth in every stroke, within `NEAR`, is taken then.
+margin, neither does the law; then a cheaper plan is taken that keeps the limits and comes as near to the truth, within `NEAR`.
 
 A string that shares a body with others is measured so with its end at rest, and what is found there is held against a
 converged run of the whole instrument as well, in the strokes `TOGETHER` of its lowest, middle and highest note.
@@ -70,8 +70,8 @@ ROLLING_VELOCITIES = (15, 20, 30, 35, 50, 64, 90, 105)
 #: strokes that a plan is held to in the whole instrument, where strings share a body
 TOGETHER = (PlanStroke(120),)
 
-#: (quality, what it would take, near: as of `_fewest`) → whether that keeps the promise
-Holds = Callable[[str, Measured, float | None], bool]
+#: (quality, what it would take) → whether that keeps the promise
+Holds = Callable[[str, Measured], bool]
 
 #: told how much is done (0 … 1); False: it is to end
 Progress = Callable[[float], bool]
@@ -132,8 +132,8 @@ def _fewest(
 ) -> Measured | None:
     """The fewest modes at an internal rate that keep `MARGIN` of a promise, as any more do, and all of it in other strokes.
 
-    near: what is farther from a limit will do where it is no farther than with the law's rate and modes, within so much of
-    the limit. None where none do, or they cost what the law's cost at a rate that is not above the law's."""
+    near: less than the margin will do where it is as near to the truth as the law's rate and modes come, within so much of
+    each limit. None where none do, or they cost what the law's cost at a rate that is not above the law's."""
     law = one.law(quality)
     most = law * one.modes(0.5 * law * RATE_HZ)
     half = 0.5 * factor * RATE_HZ
@@ -146,7 +146,7 @@ def _fewest(
         kept.append(replace(found, figures={name: float(f"{value:.2g}") for name, value in figures.items()}))
     for found in reversed(kept):
         cheaper = factor > law or factor * found.modes < CHEAPER * most
-        if cheaper and holds_in(one, quality, others, found, near) and holds(quality, found, near):
+        if cheaper and holds_in(one, quality, others, found) and holds(quality, found):
             return found
     return None
 
@@ -159,23 +159,17 @@ def _law_stands(one: OneString, quality: str, measured: list[PlanStroke], others
     return not one.can_judge(quality, measured) or holds_in(one, quality, [*measured, *others], found)
 
 
-def holds_in(
-    one: OneString, quality: str, strokes_played: list[PlanStroke], found: Measured, near: float | None = None
-) -> bool:
-    """Whether a rate and modes keep a promise in strokes of the lowest, middle and highest note; near: as of `_fewest`."""
+def holds_in(one: OneString, quality: str, strokes_played: list[PlanStroke], found: Measured) -> bool:
+    """Whether a rate and modes keep a promise in strokes of the lowest, middle and highest note."""
     few = sorted({one.notes[0], one.notes[len(one.notes) // 2], one.notes[-1]})
-    for stroke in strokes_played:
-        law = {} if near is None else one.by_law(quality, few, stroke)
-        for note, ratios, _ in one.figures(quality, few, stroke, found):
-            if not _within(1.0, ratios, law.get(note, {}), near):
-                return False
-    return True
+    played = (one.figures(quality, few, stroke, found) for stroke in strokes_played)
+    return all(ratio <= 1.0 for notes in played for _, ratios, _ in notes for ratio in ratios.values())
 
 
 def _within(most: float, ratios: Figures, law: Figures, near: float | None) -> bool:
-    """Whether errors over their limits are at most so much, or so near to those of the law."""
+    """Whether errors over their limits are at most so much, or within the limits so near to those of the law."""
     return all(
-        ratio <= most or (near is not None and ratio <= law.get(name, -math.inf) + near and math.isfinite(ratio))
+        ratio <= most or (near is not None and ratio <= min(1.0, law.get(name, 0.0) + near))
         for name, ratio in ratios.items()
     )
 
@@ -241,8 +235,8 @@ def measure_plan(
         earlier = (known or {}).get(one.fingerprint)
         together = StringTogether(one, preset) if preset.coupled else None
 
-        def holds(quality: str, found: Measured, near: float | None, among: StringTogether | None = together) -> bool:
-            return among is None or holds_in(among, quality, list(TOGETHER), found, near)
+        def holds(quality: str, found: Measured, among: StringTogether | None = together) -> bool:
+            return among is None or holds_in(among, quality, list(TOGETHER), found)
 
         done.append(measure_string(one, others, part, holds) if earlier is None else replace(earlier, name=one.label))
     return MeasuredPlan(tuple(done), frozenset(strokes(preset)), VELOCITIES)

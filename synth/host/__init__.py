@@ -5,7 +5,7 @@ parts, bindings, compass              which preset plays what, with which contro
 control_words                         controllers and live parameters in words
 render, memory                        one render job, to files or to arrays
 offline                               its loop
-string_tape, contacts                 what a string does while it sounds, step by step, and how it touches
+string_tape, frames_tape, contacts    what strings do while they sound, step by step and frame by frame, and how they touch
 rest, soundfont                       what a SoundFont plays beside the strings
 audiofile                             WAV and FLAC that appear whole or not at all
 """
