@@ -9,7 +9,7 @@ with fewer modes: as tools/calibrate-plan does it for random strings. A plan mus
 measured, and the limits themselves in `OTHERS`: between, harder, nearer to the saddle and farther from it, and in the other
 strokes of the preset. What is heard of the highs counts beside the promise. A plan costs less than the law's, unless the law
 itself misses the promise on that string: then it may have up to `DEARER` times the law's rate. Where nothing keeps the
-margin, neither does the law; then a cheaper plan is taken that keeps the limits and comes as near to the truth, within `NEAR`.
+margin, neither does the law; then a cheaper plan is taken that keeps the limits and comes as near to the truth (`NEAR`).
 
 A string that shares a body with others is measured so with its end at rest, and what is found there is held against a
 converged run of the whole instrument as well, in the strokes `TOGETHER` of its lowest, middle and highest note.
@@ -21,7 +21,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
-from synth.fit.plan_measures import ROLLING, distances_measured
+from synth.fit.plan_measures import ROLLING
 from synth.fit.plan_strings import RATE_HZ, Figures, OneString, PlanStroke, StringTogether
 from synth.instrument.articulations import NORMAL
 from synth.instrument.compile import plannable
@@ -162,8 +162,16 @@ def _law_stands(one: OneString, quality: str, measured: list[PlanStroke], others
 def holds_in(one: OneString, quality: str, strokes_played: list[PlanStroke], found: Measured) -> bool:
     """Whether a rate and modes keep a promise in strokes of the lowest, middle and highest note."""
     few = sorted({one.notes[0], one.notes[len(one.notes) // 2], one.notes[-1]})
-    played = (one.figures(quality, few, stroke, found) for stroke in strokes_played)
-    return all(ratio <= 1.0 for notes in played for _, ratios, _ in notes for ratio in ratios.values())
+    return all(ratio <= 1.0 for stroke in strokes_played for ratio in ratios_of(one, quality, few, stroke, found))
+
+
+def ratios_of(one: OneString, quality: str, notes: list[int], stroke: PlanStroke, found: Measured) -> Iterator[float]:
+    """For each note the worst of error over limit. Among other strings the frames of the bridge are part of the error, of
+    which no plan of one string makes less: there the limit is at least what the law's rate and modes make, and `NEAR`."""
+    law = one.by_law(quality, notes, stroke) if isinstance(one, StringTogether) else {}
+    for note, ratios, _ in one.figures(quality, notes, stroke, found):
+        of_law = law.get(note, {})
+        yield max((ratio / max(1.0, of_law.get(name, 0.0) + NEAR) for name, ratio in ratios.items()), default=math.inf)
 
 
 def _within(most: float, ratios: Figures, law: Figures, near: float | None) -> bool:
@@ -264,9 +272,6 @@ def misses(preset: Preset, strokes_played: list[PlanStroke], notes: set[int] | N
             if found is None:
                 continue
             for stroke in strokes_played:
-                exact = one.references(played, stroke)
-                ratios = []
-                for note, u in one.runs(played, stroke, math.ceil(found.rate_hz / RATE_HZ - 1e-9), found.highest_hz):
-                    here = distances_measured(u, exact[note].u, RATE_HZ)
-                    ratios += [here[measure] / limit for measure, limit in exact[note].limits[quality]]
-                yield Held(one.label, quality, stroke, max(ratios) if ratios else None)
+                known = one.references(played, stroke)
+                can = [note for note in played if known[note].limits[quality]]
+                yield Held(one.label, quality, stroke, max(ratios_of(one, quality, can, stroke, found), default=None))

@@ -197,7 +197,7 @@ class OneString:
         if not all(known[note].limits[quality] for note in notes):
             yield notes[0], {"e": math.inf}, {}
             return
-        for note, u in self.runs(notes, stroke, round(found.rate_hz / RATE_HZ), found.highest_hz):
+        for note, u in self.runs(notes, stroke, math.ceil(found.rate_hz / RATE_HZ - 1e-9), found.highest_hz):
             here = distances_measured(u, known[note].u, RATE_HZ)
             limits = known[note].limits[quality]
             yield note, {name: here[name] / limit for name, limit in limits}, {name: here[name] for name, _ in limits}
