@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from synth.dsp.rates import MAXIMUM_FACTOR
-from synth.instrument.compile import compile_preset, describe_plan, measured_of
+from synth.instrument.compile import compile_preset, describe_plan, has_plan, measured_of
 from synth.instrument.fingerprints import fingerprint, strokes
 from synth.instrument.planfile import (
     DOWN_SEMITONES,
@@ -261,7 +261,9 @@ def test_presets_have_plans_of_their_own_strings() -> None:
         assert path_of(preset_folder() / f"{name}.toml").read_text(encoding="utf-8") == text_of(preset.measured), name
         for table in preset.string:
             for note in range(table.notes[0], table.notes[1] + 1):
-                assert preset.measured.string(fingerprint(preset, table, note)) is not None, (name, note)
+                known = preset.measured.string(fingerprint(preset, table, note)) is not None
+                assert known == has_plan(preset, table, note), (name, note)
+        assert "another version" not in describe_plan(preset)["text"]
     assert parse_preset(read_preset("jawari-harp"), "jawari-harp").measured.strings == ()
 
 

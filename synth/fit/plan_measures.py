@@ -7,14 +7,12 @@ from collections.abc import Mapping
 import numpy as np
 
 from synth.dsp.measures import log_spectral_distance, relative_error, third_octave_distance
-from synth.instrument.plan import BRIDGE, BRIDGE_ERROR, CURVED, FAR, IMPACT_BANDS_DB, IMPACT_DISTANCE_DB, IMPACT_ONSET_ERROR
+from synth.instrument.plan import BRIDGE_ERROR, IMPACT_BANDS_DB, IMPACT_DISTANCE_DB, IMPACT_ONSET_ERROR, ROLLING
 
 #: of the start, where promises about single blows hold [s]
 ONSET_S = 0.1
 #: two runs that differ by less than this part of a promise can judge it
 STANDS = 1.0 / 3.0
-#: kinds of scenes whose promise is e over 3 s; of a curved bridge nothing is promised, and it is held to that
-ROLLING = (BRIDGE, FAR, CURVED)
 
 
 def distances(u: np.ndarray, reference: np.ndarray, rate_hz: float) -> dict[str, float]:

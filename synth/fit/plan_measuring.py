@@ -21,13 +21,12 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
-from synth.fit.plan_measures import ROLLING
 from synth.fit.plan_strings import RATE_HZ, Figures, OneString, PlanStroke, StringTogether
 from synth.instrument.articulations import NORMAL
-from synth.instrument.compile import plannable
+from synth.instrument.compile import has_plan, plannable
 from synth.instrument.fingerprints import PLAIN, stroke_of, strokes
 from synth.instrument.neck import single_strings
-from synth.instrument.plan import FREE, KEPT
+from synth.instrument.plan import KEPT, ROLLING
 from synth.instrument.planfile import PROMISED, Measured, MeasuredPlan, MeasuredString
 from synth.instrument.preset import Preset, PresetError
 from synth.units import midi_to_note
@@ -216,9 +215,9 @@ def measured_strings(preset: Preset) -> list[OneString]:
             f"only over a bridge, got obstacle.kind {preset.obstacle.kind!r}; the law plans it"
         )
     found: dict[str, OneString] = {}
-    for index, _, alone in single_strings(preset):
-        one = OneString(alone, index)
-        if one.kind in ROLLING or not (preset.coupled or one.kind == FREE):
+    for index, opened, alone in single_strings(preset):
+        if has_plan(preset, preset.string[index], opened):
+            one = OneString(alone, index)
             found.setdefault(one.fingerprint, one)
     return list(found.values())
 

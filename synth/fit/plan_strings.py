@@ -14,7 +14,7 @@ import numpy as np
 
 from synth.dsp.rates import MAXIMUM_FACTOR
 from synth.engine.engine import Engine
-from synth.fit.plan_measures import ROLLING, distances_measured, judged_of_one
+from synth.fit.plan_measures import distances_measured, judged_of_one
 from synth.host.frames_tape import Frames, line_of
 from synth.instrument.articulations import NORMAL, Articulation, Hand
 from synth.instrument.compile import note_frequency, open_string, string_kind, string_notes
@@ -22,7 +22,7 @@ from synth.instrument.coupled_plan import choose_steps
 from synth.instrument.fingerprints import UNSTEADY, WAYS, fingerprint, strokes
 from synth.instrument.neck import alone
 from synth.instrument.place import NotePlace
-from synth.instrument.plan import FAR, choose_factor
+from synth.instrument.plan import FAR, ROLLING, choose_factor
 from synth.instrument.planfile import PROMISED, Measured, MeasuredPlan, MeasuredString
 from synth.instrument.preset import Preset, fret_count
 from synth.instrument.soundboard import step_count

@@ -21,7 +21,7 @@ from synth.instrument.coupled_plan import choose_steps, measured_together
 from synth.instrument.fingerprints import fingerprint, strokes
 from synth.instrument.neck import linear_density, obstacle_under, strung
 from synth.instrument.nut_modes import nut_resonances
-from synth.instrument.plan import KEPT, StringPlan, measured_plan, plan_string, scene_kind
+from synth.instrument.plan import FREE, KEPT, ROLLING, StringPlan, measured_plan, plan_string, scene_kind
 from synth.instrument.planfile import PROMISED, VERSION, Measured
 from synth.instrument.preset import (
     BoardObstacle,
@@ -382,6 +382,15 @@ def plannable(preset: Preset) -> bool:
     """Whether plans are measured of a preset's strings: over rigid points, and where they share a body, over a bridge."""
     shape = preset.obstacle
     return isinstance(shape, BridgeObstacle if preset.coupled else PointContacts) and shape.layer is None
+
+
+def has_plan(preset: Preset, table: StringTable, note: int) -> bool:
+    """Whether a plan is measured of an open string: one that is struck and meets something; where it shares a body, one that
+    rolls on a bridge."""
+    if table.sympathetic or not plannable(preset):
+        return False
+    kind = string_kind(preset, *open_string(preset, table, note))
+    return kind in ROLLING or not (preset.coupled or kind == FREE)
 
 
 def measured_of(
@@ -865,7 +874,8 @@ def _why_by_law(preset: Preset) -> str:
     known, law = preset.measured, "by the law for all strings"
     if not known.strings:
         return f"{law}; --measure-plan measures these, and keeps the plan beside the preset"
-    now = {fingerprint(preset, table, note) for table in preset.string for note in string_notes(table)}
+    strings = ((table, note) for table in preset.string for note in string_notes(table))
+    now = {fingerprint(preset, table, note) for table, note in strings if has_plan(preset, table, note)}
     if known.version != VERSION or not now <= {each.fingerprint for each in known.strings}:
         return f"{law}: the plan beside the preset was measured for another version of it; --measure-plan makes a new one"
     if not known.strokes.issuperset(strokes(preset)):
