@@ -38,21 +38,8 @@ MARGIN, FARTHEST = 0.5, 0.75
 VELOCITIES = (25, 40, 120)
 #: how far modes go that are tried [Hz]; none of them beyond half the rate
 HIGHEST_HZ = (
-    6000.0,
-    7000.0,
-    8000.0,
-    9000.0,
-    10000.0,
-    12000.0,
-    14000.0,
-    16000.0,
-    18000.0,
-    20000.0,
-    28000.0,
-    40000.0,
-    56000.0,
-    80000.0,
-)
+    6000.0, 7000.0, 8000.0, 9000.0, 10000.0, 12000.0, 14000.0, 16000.0, 18000.0, 20000.0, 28000.0, 40000.0, 56000.0, 80000.0,
+)  # fmt: skip
 #: of the law's rate times modes, what is worth a plan
 CHEAPER = 0.97
 #: times the law's rate that a plan may have on a string where the law misses the promise
@@ -134,7 +121,7 @@ def _fewest(
     near: less than the margin will do where it is as near to the truth as the law's rate and modes come, within so much of
     each limit. None where none do, or they cost what the law's cost at a rate that is not above the law's."""
     law = one.law(quality)
-    most = law * one.modes(0.5 * law * RATE_HZ)
+    most = law * one.law_plan(quality).modes
     half = 0.5 * factor * RATE_HZ
     kept: list[Measured] = []
     for highest in (half, *(hz for hz in reversed(HIGHEST_HZ) if LEAST_HZ[quality] <= hz < half)):
@@ -152,10 +139,7 @@ def _fewest(
 
 def _law_stands(one: OneString, quality: str, measured: list[PlanStroke], others: list[PlanStroke]) -> bool:
     """Whether the law's rate and modes keep a promise in all strokes; also where nothing can be judged."""
-    law = one.law(quality)
-    highest = 0.5 * law * RATE_HZ
-    found = Measured(float(law * RATE_HZ), highest, one.modes(highest), {})
-    return not one.can_judge(quality, measured) or holds_in(one, quality, [*measured, *others], found)
+    return not one.can_judge(quality, measured) or holds_in(one, quality, [*measured, *others], one.law_plan(quality))
 
 
 def holds_in(one: OneString, quality: str, strokes_played: list[PlanStroke], found: Measured) -> bool:

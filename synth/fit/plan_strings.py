@@ -106,6 +106,11 @@ class OneString:
         choose = choose_steps if self.coupled else choose_factor
         return choose(self.pitch_hz, self.kind, quality, float(RATE_HZ))[0]
 
+    def law_plan(self, quality: str) -> Measured:
+        """What the law takes of the open string: its rate, and all modes below half of it."""
+        rate = float(self.law(quality) * RATE_HZ)
+        return Measured(rate, 0.5 * rate, self.modes(0.5 * rate), {})
+
     @property
     def factors(self) -> tuple[int, ...]:
         """Internal rates that are tried, as multiples of `RATE_HZ`."""
@@ -206,8 +211,7 @@ class OneString:
         """For each note measure → error over limit with the rate and modes of the law, played once."""
         key = quality, tuple(notes), stroke
         if key not in self._law:
-            rate = float(self.law(quality) * RATE_HZ)
-            played = self.figures(quality, notes, stroke, Measured(rate, 0.5 * rate, 1, {}))
+            played = self.figures(quality, notes, stroke, self.law_plan(quality))
             self._law[key] = {note: ratios for note, ratios, _ in played}
         return self._law[key]
 
@@ -224,9 +228,7 @@ class StringTogether(OneString):
         super().__init__(one.alone, one.number)
         self.index = one.number
         self._whole = preset
-        changes: dict[str, object] = {"hand": Hand(), "articulations": {}}
-        changes["pluck"] = preset.pluck.model_copy(update={"roughness_um": 0.0, "rub_percent": 0.0})
-        self._preset = preset.model_copy(update=changes)
+        self._preset = _steady(preset)
 
     def others(self, preset: Preset) -> tuple[MeasuredString, ...]:
         """What is known of the other strings, as they are in a preset with another stroke."""
@@ -283,14 +285,18 @@ def _shifted(way: Articulation, farther: float) -> dict[str, float]:
     return {key: _nearer(value * farther) for key, value in places.items() if value is not None}
 
 
+def _steady(preset: Preset) -> Preset:
+    """The preset with nothing left to chance, and its plain stroke alone."""
+    pluck = preset.pluck.model_copy(update={"roughness_um": 0.0, "rub_percent": 0.0})
+    return preset.model_copy(update={"hand": Hand(), "articulations": {}, "pluck": pluck})
+
+
 def _seen(alone: Preset) -> Preset:
     """The preset with its string's displacement in the first direction as its output, and nothing left to chance."""
-    changed: dict[str, object] = {"hand": Hand(), "articulations": {}}
-    changed["pluck"] = alone.pluck.model_copy(update={"roughness_um": 0.0, "rub_percent": 0.0})
+    changed: dict[str, object] = {"string": (alone.string[0].model_copy(update={"gain_db": 0.0}),)}
     if alone.polarisation is not None:
         changed["polarisation"] = alone.polarisation.model_copy(update={"heard": 0.0})
-    table = alone.string[0].model_copy(update={"gain_db": 0.0})
-    return as_displacement(alone).model_copy(update={**changed, "string": (table,)})
+    return as_displacement(_steady(alone)).model_copy(update=changed)
 
 
 def as_displacement(preset: Preset, at: float = SEEN_AT) -> Preset:
