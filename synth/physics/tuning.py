@@ -1,7 +1,6 @@
 """The tension that gives a string its pitch."""
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
 
@@ -53,7 +52,6 @@ def _mobile_nut_tension(string: String, frequency_hz: float, start_n: float) -> 
         tighter = replace(string, tension_n=start_n * math.exp(log_ratio))
         return bool(model_frequencies(tighter, 1)[0] > target)
 
-    first = _first_mode(string)
     sharp = is_sharp(0.0)
     near, far = 0.0, -1e-6 if sharp else 1e-6
     while is_sharp(far) == sharp:
@@ -68,30 +66,5 @@ def _mobile_nut_tension(string: String, frequency_hz: float, start_n: float) -> 
         middle = 0.5 * (near + far)
         if middle in (near, far):
             break
-        between = first(start_n * math.exp(middle)) > target
-        near, far = (middle, far) if between == sharp else (near, middle)
+        near, far = (middle, far) if is_sharp(middle) == sharp else (near, middle)
     return start_n * math.exp(0.5 * (near + far))
-
-
-def _first_mode(string: String) -> Callable[[float], float]:
-    """ω_1 [rad/s] of `model_frequencies` at a tension between two that the string can have, to the last bit on x86: a
-    bisection asks some fifty times, and each String is checked, each array made."""
-    density, length = string.linear_density_kg_m, string.length_m
-    bending = math.pi**2 * string.bending_stiffness_n_m2
-    linear = string.stiffness_law == "linear"
-    rows = [(2.0 * math.pi * mode.frequency_hz, mode.mass_kg, mode.q) for mode in string.nut]
-
-    def of(tension: float) -> float:
-        omega = 2.0 * math.pi * (math.sqrt(tension / density) / (2.0 * length))
-        yielding = 0.0
-        for omega_n, mass, q in rows:  # Im iω/(a + ib), divided as NumPy does (Smith)
-            a, b = mass * (omega_n * omega_n - omega * omega), mass * (omega * omega_n * (1.0 / q))
-            if abs(a) >= abs(b):
-                yielding += omega * (1.0 / (a + b * (b / a)))
-            else:
-                yielding += omega * (a / b) * (1.0 / (b + a * (a / b)))
-        stiffening = bending / (tension * length**2)
-        stiff = 1.0 + 0.5 * stiffening if linear else math.sqrt(1.0 + stiffening)
-        return omega * (stiff - math.sqrt(tension * density) / math.pi * yielding)
-
-    return of
