@@ -33,6 +33,7 @@ from synth.engine.layout import (
     Sounding,
     State,
 )
+from synth.engine.pressed_flight import pressed_numbers
 from synth.engine.team import N_WORDS
 from synth.engine.voices.channels import power_up
 from synth.instrument.compile import CompiledPart, CompiledString, Position, second_direction, static_compliance
@@ -41,10 +42,12 @@ from synth.instrument.soundboard import Soundboard
 from synth.native.arrays import Pool, allocate, record, whole_lines
 from synth.native.views import table, words
 from synth.physics.modes import ramp_moments
+from synth.physics.pressed_modes import PressedModes, pressed_modes
 from synth.solver.certificates import CERTIFY_FROM
 from synth.solver.contact_laws import step_of
 from synth.solver.laws import EXACT_HOLD, coefficients, law_of
-from synth.solver.layers import static_matrix
+from synth.solver.layers import static_forces, static_matrix
+from synth.solver.lcp import SOLVED
 from synth.solver.single import keeps_losses
 from synth.solver.stringmodel import (
     Coefficients,
@@ -245,11 +248,21 @@ class _Lists:
             if string.board is not None:
                 dt = 1.0 / (self.rate_hz * factor)
                 self.boards.append(LaidBoard(len(self.models), position.own + 1, dt, position.mu, string.board))
-            self._model(preset, position, factor, heard, string.board is not None)
+            pressed = None
+            if heard is not None and position is string.positions[0] and string.friction == 0.0:
+                pressed = self._pressed(position, *heard)
+            self._model(preset, position, factor, heard, string.board is not None, pressed)
 
     def _model(
-        self, preset: Preset, position: Position, factor: int, heard: tuple[Soundboard, int] | None, on_board: bool
+        self,
+        preset: Preset,
+        position: Position,
+        factor: int,
+        heard: tuple[Soundboard, int] | None,
+        on_board: bool,
+        pressed: tuple[PressedModes, int] | None,
     ) -> None:
+        """pressed: the modes that it has while it presses on one of its contacts without a break, and which one."""
         n, c = position.omega.size, position.eta.size
         uses_q, uses_v = _uses(preset)
         bound = math.sqrt(float(np.sum((position.wq / position.omega) ** 2)))
@@ -273,14 +286,11 @@ class _Lists:
         if c > 1 and isinstance(preset.obstacle, BridgeObstacle):
             compliance = static_compliance(position.omega, position.mu, position.shapes, position.residual)
             settled = static_matrix(compliance, position.layers).reshape(-1)
-        stopband = 2.0 * math.pi * STOPBAND_EDGE * self.rate_hz
-        audible = max(1, int(np.sum(position.omega[: position.own] < stopband)))
+        audible = self._audible(position.omega[: position.own])
         driven = audible
         if heard is not None:
-            body, line = heard
             own = (position.omega[:audible], position.sigma[:audible])
-            felt = np.flatnonzero(body.felt(*own, position.tension_n / position.length_m, line) > UNFELT)
-            driven = int(felt[-1]) + 1 if felt.size else 1
+            driven = _driven(*own, position.tension_n / position.length_m, *heard)
         self.models.append(
             record(
                 layout.MODEL,
@@ -303,12 +313,14 @@ class _Lists:
                 leverage=self._levers,
                 settled=self._settled,
                 settling=math.isqrt(settled.size),
+                pressed=self._settled + settled.size,
+                pressed_modes=0 if pressed is None else pressed[0].omega.size,
             )
         )
         self.leverage.append(position.leverage)
         self._levers += position.leverage.size
-        self.settled.append(settled)
-        self._settled += settled.size
+        self.settled += [settled, np.zeros(0) if pressed is None else pressed_numbers(*pressed)]
+        self._settled += sum(each.size for each in self.settled[-2:])
         dt = 1.0 / (self.rate_hz * factor)
         # strings that swing with a body, over a board or by a law of their own are not advanced in blocks of one string
         alone = self.law == EXACT_HOLD and self.step == 0 and heard is None and not on_board
@@ -327,10 +339,12 @@ class _Lists:
             single=single,
         )
         self.compiled.append(model)
-        if factor == 1 or heard is not None:  # it flies on no bus of its own
+        if pressed is not None and heard is not None:
+            self.flights.append(self._pressed_flight(position.mu, pressed[0], *heard))
+        elif factor == 1 or heard is not None:  # it flies on no bus of its own
             self.flights.append(model)
-            return
-        self.flights.append(self._flight(position, model, factor, audible))
+        else:
+            self.flights.append(self._flight(position, model, factor, audible))
 
     def _flight(self, position: Position, model: StringModel, factor: int, audible: int) -> StringModel:
         """The model in flight: of the modes that are heard, a frame at a time, without contacts."""
@@ -347,6 +361,45 @@ class _Lists:
             StringOutputs(weights[:, :audible], on_q=1, used=(model.first, model.points, model.on_q)),
             single=bool(model.single),
         )
+
+    def _audible(self, omega: np.ndarray) -> int:
+        """How many of these modes the decimator does not stop, one at least."""
+        return max(1, int(np.sum(omega < 2.0 * math.pi * STOPBAND_EDGE * self.rate_hz)))
+
+    def _pressed(self, position: Position, body: Soundboard, line: int) -> tuple[PressedModes, int] | None:
+        """Of a line of a body that presses at rest on one rigid point: its modes while it does, as far as the bridge drives
+        them, and the number of the point; None of another one."""
+        if position.eta.size == 0 or position.layers.shape[1] > 0:
+            return None
+        compliance = static_compliance(position.omega, position.mu, position.shapes, position.residual)
+        force, status = static_forces(compliance, -position.eta, position.layers)
+        points = np.flatnonzero(force > 0.0)
+        if status != SOLVED or points.size != 1:
+            return None
+        ramp, point = np.zeros(position.omega.size), int(points[0])
+        ramp[: position.own] = ramp_moments(position.length_m, position.own)
+        end = (position.length_m, position.tension_n / position.length_m, float(position.leverage[point]))
+        residual = float(position.residual[point, point])
+        found = pressed_modes(
+            position.omega, position.sigma, position.mu, position.shapes[point], residual, ramp, end, float(force[point])
+        )
+        audible = self._audible(found.omega)
+        return found.first(_driven(found.omega[:audible], found.sigma[:audible], found.stiffness, body, line)), point
+
+    def _pressed_flight(self, mu: float, pressed: PressedModes, body: Soundboard, line: int) -> StringModel:
+        """The model of a string that flies while it presses (`pressed_flight`)."""
+        frame, omega, sigma = 1.0 / self.rate_hz, pressed.omega, pressed.sigma
+        weights = np.zeros((OUTPUTS, omega.size))
+        weights[0] = np.abs(mu * pressed.ramp * omega**2) * body.heard(omega, line)
+        coef = coefficients(EXACT_HOLD, omega, sigma, mu, frame)
+        contacts, outputs = no_contacts(omega.size), StringOutputs(weights, on_q=1)
+        return make_string(EXACT_HOLD, frame, StringModes(mu, omega, sigma), coef, contacts, outputs)
+
+
+def _driven(omega: np.ndarray, sigma: np.ndarray, stiffness: float, body: Soundboard, line: int) -> int:
+    """How many of a line's modes move where it rings by its bridge alone, one at least; others would not be heard."""
+    felt = np.flatnonzero(body.felt(omega, sigma, stiffness, line) > UNFELT)
+    return int(felt[-1]) + 1 if felt.size else 1
 
 
 def _uses(preset: Preset) -> tuple[bool, bool]:

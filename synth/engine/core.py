@@ -106,6 +106,12 @@ def flight_address(core: int, s: int) -> int:
 
 
 @njit(inline="always")
+def line_address(core: int, s: int) -> int:
+    """Address of the model that a string on a moving bridge is advanced by."""
+    return flight_address(core, s) if motion_of(core, s).flying else model_address(core, s)
+
+
+@njit(inline="always")
 def flight_of(core: int, s: int):
     """The StringModel of its free flight."""
     return string_model(flight_address(core, s))

@@ -52,6 +52,7 @@ from synth.solver.line_tables import (
 from synth.solver.quick_coefficients import quick_coefficients
 from synth.solver.responses import complete_rows
 from synth.solver.stringmodel import string_model
+from synth.solver.vectors import dot
 
 
 @njit(**CORE)
@@ -83,6 +84,9 @@ def momentum_of(core: int, s: int) -> float:
     """What hand and losses take of it pulls at the bridge: μ Σ c v of a string [N s]."""
     string, model = string_of(core, s), bank_of(core).models[hand_of(core, s).model]
     total = 0.0
+    if motion_of(core, s).flying:
+        pull = end_at(shared_of(core).end_at[s]).pull
+        return dot(pull[: model.pressed_modes], string.v[: model.pressed_modes])
     for j in range(model.own):
         total += _moment(model.length, j) * string.v[j]
     return model.mu * total

@@ -59,6 +59,8 @@ MODEL = np.dtype(
         ("leverage", "i8"),  # where those of its contacts begin in Bank.leverage
         ("settled", "i8"),  # where its rows begin in Bank.settled, …
         ("settling", "i8"),  # … and how many there are; 0: no bridge of several points
+        ("pressed", "i8"),  # where its numbers begin in Bank.settled (`pressed_flight`), …
+        ("pressed_modes", "i8"),  # … and its modes while it presses on one point without a break; 0: it does not fly so
     ],
     align=True,
 )
@@ -262,7 +264,9 @@ class Bank(NamedTuple):
     touches: Annotated[np.ndarray, struct(TOUCH, "touches")]
     taps: Annotated[np.ndarray, f8("taps")]  # ordered by phase
     leverage: Annotated[np.ndarray, f8("leverage")]  # of every model's contacts by the motion of the saddle
-    settled: Annotated[np.ndarray, f8("settled")]  # `layers.static_matrix` of every model over several points of a bridge
+    # `layers.static_matrix` of every model over several points of a bridge; of every one that flies while it presses, what
+    # `pressed_flight` has of it
+    settled: Annotated[np.ndarray, f8("settled")]
 
 
 class Settings(NamedTuple):
@@ -283,7 +287,8 @@ class Settings(NamedTuple):
 #: what a hand does to a string: nothing; is about to pluck it; stops it at a higher fret, draws it aside, lets it slip off,
 #: hits it; lies on it
 NO_FINGER, WAIT, PRESS, DRAW, SLIP, HIT, TOUCHED = range(7)
-#: MOTION.flying: at its internal rate; at the output rate; so, and its steps' coefficients wait until it lands
+#: MOTION.flying: at its internal rate; at the output rate, of a string on a moving bridge: in the modes that it has while it
+#: presses on one point (`pressed_flight`); so, and its steps' coefficients wait until it lands
 LANDED, FLYING, STEPS_DUE = range(3)
 
 #: who plays a string, and what its note asks for: the voice policy's

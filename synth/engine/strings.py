@@ -42,6 +42,7 @@ from synth.engine.layout import (
     WAIT,
 )
 from synth.engine.on_board import leave, may_slide, slide
+from synth.engine.pressed_flight import stand
 from synth.engine.projection import add_projections
 from synth.engine.slurs import PRESS_S, is_on_the_way, sets_out
 from synth.engine.strokes import begin_stroke, slips
@@ -115,7 +116,9 @@ def _land(core: int, thread: int, s: int) -> None:
     second = bank_of(core).strings[s].second
     for direction in range(2):
         line = s if direction == 0 else second
-        if line >= 0 and motion_of(core, line).flying:
+        if line >= 0 and on_bridge(core, line):
+            stand(core, thread, line)
+        elif line >= 0 and motion_of(core, line).flying:
             touch_down(core, thread, line)
 
 
@@ -295,11 +298,11 @@ def pluck(core: int, thread: int, s: int, target: int, velocity: float, legato: 
     lift_touch(core, s)
     hand.glide_to = -1
     sounding = voice.awake != 0 and voice.idle == 0
-    if sounding:
+    if voice.awake != 0:
         _land(core, thread, s)
-    elif on_bridge(core, s):
+    if not sounding and on_bridge(core, s):
         _join(core, thread, s, target)
-    else:
+    elif not sounding:
         _wake(core, thread, s, target)
     if bank.parts[bank.strings[s].part].others_s > 0.0 and on_bridge(core, s):
         _uncover_others(core, s)

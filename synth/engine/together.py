@@ -11,9 +11,10 @@ from synth.engine.advance import follow_first, follow_quantum, make_path, moves_
 from synth.engine.coefficients import refresh, rest_state
 from synth.engine.core import (
     bank_of,
+    flight_of,
     hand_of,
     is_held,
-    model_address,
+    line_address,
     model_of,
     motion_of,
     progress_of,
@@ -45,6 +46,7 @@ from synth.engine.layout import (
     UNTIL,
 )
 from synth.engine.output import BASE_S
+from synth.engine.pressed_flight import presses_on, stand, take_off_pressed
 from synth.engine.strings import finger_done, sleep
 from synth.engine.strokes import has_bounced
 from synth.solver.coupling import (
@@ -103,7 +105,7 @@ def _find_models(core: int, i: int) -> None:
     """Addresses of the models that the lines now have, for the solver."""
     instrument, coupling = bank_of(core).instruments[i], coupling_at(shared_of(core).coupling_at[i])
     for s in range(instrument.first_string, instrument.end_string):
-        coupling.line_model[s - instrument.first_string] = model_address(core, s)
+        coupling.line_model[s - instrument.first_string] = line_address(core, s)
 
 
 @njit(**CORE)
@@ -143,6 +145,10 @@ def _falls_asleep(core: int, thread: int, i: int) -> bool:
         plain = string_model(shared_of(core).model_at[hand.model, PLAIN])
         n = min(plain.modes, string.counts[MOVING])
         rest_state(core, thread, s, scratch.q)
+        if motion.flying:
+            plain = flight_of(core, s)
+            n = plain.modes
+            scratch.q[:n] = 0.0
         end = end_at(shared_of(core).end_at[s])
         felt = end.counts[FELT_MODES]
         voice.level = _level(plain.weights[0], plain.omega, string.q, string.v, scratch.q, 0, min(n, felt))
@@ -174,7 +180,7 @@ def _level(weights, omega, q, v, q_rest, first: int, end: int) -> float:
 def _certify_lines(core: int, thread: int, i: int) -> None:
     """Strings that are certain to touch nothing for a while are not looked at; others that may touch something are."""
     instrument, shared = bank_of(core).instruments[i], shared_of(core)
-    changed = False
+    changed = lifted = False
     for s in range(instrument.first_string, instrument.end_string):
         line, end = s - instrument.first_string, end_at(shared.end_at[s])
         if bank_of(core).strings[s].friction > 0.0:
@@ -184,6 +190,11 @@ def _certify_lines(core: int, thread: int, i: int) -> None:
                 changed = True
         elif motion_of(core, s).stale or end.counts[BY_FRAMES]:  # as it is refreshed, and from block to block
             continue
+        elif motion_of(core, s).flying:
+            if not presses_on(core, s):
+                stand(core, thread, s)
+        elif take_off_pressed(core, thread, s):
+            lifted = changed = True
         elif may_go_by_frames(core, s) and go_by_frames(shared.coupling_at[i], line, thread):
             changed = True
         elif end.counts[ENGAGED] == 0 and end.numbers[LEAST] > CLEAR_ENOUGH * end.numbers[SPENT]:
@@ -194,6 +205,9 @@ def _certify_lines(core: int, thread: int, i: int) -> None:
             if engaged != end.counts[ENGAGED]:
                 look_at(shared.coupling_at[i], line, engaged, thread)
                 changed = True
+    if lifted:
+        _find_models(core, i)
+        _count_forces(core, i)
     if changed:
         gather_lines(shared.coupling_at[i])
 
@@ -276,6 +290,8 @@ def _refresh_lines(core: int, thread: int, i: int, frames: int) -> int:
     count = frames
     for s in range(instrument.first_string, instrument.end_string):
         hand, stroke, motion, end = hand_of(core, s), stroke_of(core, s), motion_of(core, s), end_at(shared.end_at[s])
+        if motion.stale:
+            stand(core, thread, s)
         engaged, changed_it, certain = end.counts[ENGAGED], motion.stale != 0, False
         if motion.stale:
             whole = motion.stale == 1
@@ -284,9 +300,9 @@ def _refresh_lines(core: int, thread: int, i: int, frames: int) -> int:
             changed = True
         fingered = is_held(hand)
         changed_it = changed_it or (end.counts[BY_FRAMES] != 0 and not fingered)
-        contacts = bank.models[hand.model].contacts
+        contacts = 0 if motion.flying else bank.models[hand.model].contacts
         line = s - instrument.first_string
-        coupling.line_model[line] = model_address(core, s)
+        coupling.line_model[line] = line_address(core, s)
         if bank.strings[s].friction > 0.0:
             engaged = end_at(shared.end_at[s - 1]).counts[ENGAGED]
         elif changed_it and contacts > 0 and not certain:
@@ -331,7 +347,7 @@ def _count_forces(core: int, i: int) -> None:
     for s in range(instrument.first_string, instrument.end_string):
         motion = motion_of(core, s)
         held = motion.base - motion.rest
-        if motion.lift > 0.0:
+        if motion.lift > 0.0 and not motion.flying:
             held += end_at(shared.end_at[s]).leverage[0] * motion.lift
         if held != 0.0:
             for d in range(coupling.held.size):

@@ -13,9 +13,10 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from synth.engine.core import CORE_WORDS, bank_of, hand_of, progress_of, shared_of, string_of
+from synth.engine.core import CORE_WORDS, bank_of, hand_of, motion_of, progress_of, scratch_of, shared_of, string_of
 from synth.engine.engine import Engine
 from synth.engine.layout import BEGIN, FIRST_QUANTUM, NO_FINGER, QUANTUM, STRETCH, TASK, TOGETHER, UNTIL, WHOLE
+from synth.engine.pressed_flight import standing_motion
 from synth.host.string_tape import QUALITY, RATE_HZ
 from synth.instrument.compile import CompiledString, Position, second_direction
 from synth.instrument.place import NotePlace, shapes_at, speaking
@@ -86,6 +87,8 @@ def taped_together(core: int, thread: int, i: int, _: int) -> None:
         at += count
         played, line_end = string_of(core, s), end_at(shared.end_at[s])
         contacts = bank.models[hand_of(core, s).model].contacts
+        if motion_of(core, s).flying:  # its force is not that of its last step
+            standing_motion(core, s, scratch_of(thread).q, scratch_of(thread).v)
         for k in range(contacts):
             tape.running[0, k] = max(tape.running[0, k], played.force[k])
             tape.running[1, k] += played.force[k] * count * coupling.frame
@@ -96,9 +99,13 @@ def taped_together(core: int, thread: int, i: int, _: int) -> None:
         for line in range(tape.begins.size - 1):
             place, room = tape.begins[line], tape.begins[line + 1] - tape.begins[line]
             string, model = string_of(core, first + line), bank.models[hand_of(core, first + line).model]
+            q, v = tape.q[shot, place : place + room], tape.v[shot, place : place + room]
+            if room > 0 and motion_of(core, first + line).flying:
+                standing_motion(core, first + line, q, v)
+                continue
             for j in range(room):
-                tape.q[shot, place + j] = string.q[j] if j < model.n else 0.0
-                tape.v[shot, place + j] = string.v[j] if j < model.n else 0.0
+                q[j] = string.q[j] if j < model.n else 0.0
+                v[j] = string.v[j] if j < model.n else 0.0
         for j in range(tape.p.shape[1]):
             tape.p[shot, j] = coupling.p[j]
             tape.p_speed[shot, j] = coupling.p_speed[j]

@@ -76,11 +76,16 @@ def test_every_bridge_can_be_raised(name: str) -> None:
 @pytest.mark.parametrize("height_um", [-150.0, -2.5, 1.0, 3.0, 40.0])
 @pytest.mark.parametrize("of", BRIDGES, ids=lambda each: each.name)
 def test_raised_it_is_the_preset_of_that_height(of: Preset, height_um: float) -> None:
-    """Bit for bit: from rest, under the pluck, after it and at a fret. Raised, the strings are at rest on several points."""
-    raised = play(engine(of), [raise_to(0, height_um), *NOTES], SETTLED + 9000)
-    made = play(engine(low(of, height_um)), NOTES, SETTLED + 9000)
-    assert np.abs(made).max() > 1e-4
-    np.testing.assert_array_equal(raised, made)
+    """Bit for bit: from rest, under the pluck, after it and at a fret. Raised, the strings are at rest on several points.
+    Those of the sitar press on and fly on a bridge that lies so, not on one that is raised: but for that they are the same."""
+    for economy in (True, False):
+        raised = play(engine(of, economy=economy), [raise_to(0, height_um), *NOTES], SETTLED + 9000)
+        made = play(engine(low(of, height_um), economy=economy), NOTES, SETTLED + 9000)
+        assert np.abs(made).max() > 1e-4
+        if of is SITAR and economy:
+            assert np.sum((raised - made) ** 2) < 1e-8 * np.sum(made**2)
+        else:
+            np.testing.assert_array_equal(raised, made)
 
 
 @pytest.mark.parametrize("of", BRIDGES, ids=lambda each: each.name)

@@ -157,8 +157,9 @@ def _player(presets: list[Preset], rows: list[tuple], seconds: float, quality: s
 
 
 def plain_of(player: scenes.Player) -> PlainInstrument:
-    """Strings, bridge and body of an engine with one coupled part as they now are, for a plain loop. A line without contacts
-    takes one step a frame, which is exact. Raises ValueError where a finger or hand is on a string, or a bend."""
+    """Strings, bridge and body of an engine with one coupled part as they now are, for a plain loop. A line that touches
+    nothing, or presses without a break (`pressed_flight`), takes one step a frame, which is exact. Raises ValueError where a
+    finger or hand is on a string, or a bend."""
     engine = player.engine
     sounding, strings = engine._sounding, engine._strings
     if sounding.hands["phase"].any() or sounding.motions["altered"].any():
@@ -166,7 +167,8 @@ def plain_of(player: scenes.Player) -> PlainInstrument:
     (coupling,) = strings.bridges.couplings
     lines = []
     for s, end in zip(strings.bridges.strings, strings.bridges.ends.items, strict=True):
-        model, heights = strings.models[sounding.hands["model"][s]], strings.states.items[s].eta
+        models = strings.built.flights if sounding.motions["flying"][s] else strings.models
+        model, heights = models[sounding.hands["model"][s]], strings.states.items[s].eta
         n, contacts = model.modes, model.eta.size
         ramp = -np.array(end.kick[:n])
         lines.append(
