@@ -122,7 +122,6 @@ LONGEST = (
     "tests/fit/test_frets.py",
     "tests/author/browser/test_instrument.py",
     "tests/author/browser/test_hear.py",
-    "tests/solver/test_compliant.py",
     "tests/author/test_end.py",
     "tests/author/browser/test_controls.py",
     "tests/author/browser/test_fit.py",

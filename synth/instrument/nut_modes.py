@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from functools import lru_cache
 
 from synth.instrument.preset import NutMode
 from synth.physics.string import NutResonance
 
 
-def nut_resonances(modes: Sequence[NutMode]) -> tuple[NutResonance, ...]:
+@lru_cache(maxsize=64)  # every string of a preset ends on the same
+def nut_resonances(modes: tuple[NutMode, ...]) -> tuple[NutResonance, ...]:
     """The resonances; those of a field move the two directions of a string independently."""
     return tuple(single for mode in modes for single in _singles(mode))
 

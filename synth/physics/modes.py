@@ -32,8 +32,7 @@ def nut_mobility(string: String, omega: np.ndarray | float) -> np.ndarray:
     omega = np.asarray(omega, dtype=np.float64)
     if not string.nut:
         return np.zeros(omega.shape, dtype=np.complex128)
-    rows = [(2.0 * math.pi * mode.frequency_hz, mode.mass_kg, mode.q) for mode in string.nut]
-    omega_n, mass, q = np.array(rows).T.reshape(3, -1, *(1,) * omega.ndim)
+    omega_n, mass, q = string.nut_rows.reshape(3, -1, *(1,) * omega.ndim)
     each = 1j * omega / (mass * (omega_n**2 - omega**2 + 1j * omega * omega_n / q))
     return np.add.accumulate(each)[-1]  # one after the other, whatever the shape
 

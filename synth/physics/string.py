@@ -7,10 +7,14 @@ of collisions in musical string instruments", JASA 143(5), 2018 ("IA2018"), sect
 describes; frequencies, decay rates and shapes are computed in `modes`.
 """
 
+import copy
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Literal, Self
+
+import numpy as np
 
 #: how partials stretch: √(1 + Bj²), or 1 + Bj²/2
 StiffnessLaw = Literal["sqrt", "linear"]
@@ -231,6 +235,21 @@ class String(StringLosses):
             return self.diameter_m
         return math.pi / 2 * ((1 + 2 / math.pi) * self.winding_diameter_m + self.core_diameter_m)
 
+    @cached_property
+    def nut_rows(self) -> np.ndarray:
+        """(3, R) angular frequencies [rad/s], modal masses [kg] and quality factors of the nut's resonances."""
+        return np.array([(2.0 * math.pi * mode.frequency_hz, mode.mass_kg, mode.q) for mode in self.nut]).T
+
+    def with_tension(self, tension_n: float) -> Self:
+        """The same string at another tension [N]; only what depends on it is checked."""
+        require_within("tension_n", tension_n)
+        if self.nut:
+            _ = self.nut_rows  # which the copy has, too
+        other = copy.copy(self)
+        object.__setattr__(other, "tension_n", tension_n)
+        other._check_derived()
+        return other
+
     def with_length(self, length_m: float) -> Self:
         """The same string stopped to another speaking length [m]: same T, μ, EI, losses and nut resonances.
 
@@ -253,6 +272,8 @@ def _require(name: str, value: float, holds: Callable[[float], bool], condition:
 def require_within(field: str, value: float, name: str | None = None, remedy: str | None = None) -> None:
     """Refuses what is not within LIMITS[field]; `name` is what the message calls it."""
     low, high, unit = LIMITS[field]
+    if type(value) is float and low <= value <= high:
+        return
     least = f"> 0{unit}" if low > 0.0 else f">= 0{unit}"
     remedy = remedy or ("check the unit" if low > 0.0 else "0 switches the effect off")
     _require(name or field, value, lambda v: v > 0.0 or v == low, least, remedy)

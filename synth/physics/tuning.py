@@ -49,7 +49,7 @@ def _mobile_nut_tension(string: String, frequency_hz: float, start_n: float) -> 
     target = 2.0 * math.pi * frequency_hz
 
     def is_sharp(log_ratio: float) -> bool:
-        tighter = replace(string, tension_n=start_n * math.exp(log_ratio))
+        tighter = string.with_tension(start_n * math.exp(log_ratio))
         return bool(model_frequencies(tighter, 1)[0] > target)
 
     sharp = is_sharp(0.0)

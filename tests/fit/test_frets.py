@@ -1,6 +1,7 @@
 """The frets' fit: the model's geometry, one answer from sound to preset, a bound, and what is refused."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 import soundfile
 
 from synth import cli
-from synth.fit import fret_linear, fret_search
+from synth.fit import fret_fit, fret_linear, fret_search
 from synth.fit.contact_space import Unknown
 from synth.fit.fret_fit import OutOfReach, fit_frets
 from synth.fit.fret_model import FREE_MM, RATE_HZ, FretHand, FretModel, action_mm, action_settings, with_action
@@ -39,9 +40,29 @@ def recordings(model: FretModel) -> list[tuple[np.ndarray, int]]:
     return [(recorded(model, each, i), RATE_HZ) for i, each in enumerate(AMPLITUDES)]
 
 
+def once(search: Callable, found: dict[tuple, object]) -> Callable:
+    """A search whose answer is found once for a sound and an amplitude: several tests begin with the same strokes."""
+
+    def searched(model, heard, amplitude_mm, *more):
+        key = search, heard.level_db.tobytes(), amplitude_mm
+        if key not in found:
+            found[key] = search(model, heard, amplitude_mm, *more)
+        return found[key]
+
+    return searched
+
+
+@pytest.fixture(scope="module")
+def answers() -> dict[tuple, object]:
+    """What `once` has found."""
+    return {}
+
+
 @pytest.fixture
-def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+def quick(monkeypatch: pytest.MonkeyPatch, answers: dict[tuple, object]) -> None:
     """The hand's neighbourhood stands for the search of it; the action is searched as it is, with fewer notes."""
+    for search in (fret_linear.first_linear, fret_linear.next_linear):
+        monkeypatch.setattr(fret_fit, search.__name__, once(search, answers))
     monkeypatch.setattr(fret_linear, "_combs", lambda *_: [(0.26, 1.3e-3)])
     monkeypatch.setattr(fret_linear, "_DRAWS", 30)
     monkeypatch.setattr(fret_linear, "_FINAL", 60)
@@ -88,7 +109,7 @@ def test_two_strokes_that_touch_tell_the_action(quick: None, capsys, tmp_path: P
     chosen = [3, 0, 2]
     paths = [str(tmp_path / f"{i}.wav") for i in chosen]
     for path, i in zip(paths, chosen, strict=True):
-        soundfile.write(path, recordings[i][0], RATE_HZ, subtype="PCM_24")
+        soundfile.write(path, recordings[i][0], RATE_HZ, subtype="DOUBLE")
     amplitudes = [word for i in chosen for word in ("--amplitude", str(AMPLITUDES[i]))]
     target = tmp_path / "mine.toml"
     arguments = ["fit", "--contact", "--experimental", *paths, "-p", "fretted-bass", "--string", "G", *PLACE, *amplitudes]

@@ -57,14 +57,14 @@ def test_mean_mobility_is_that_of_the_density() -> None:
 
 
 def test_a_single_mode_is_as_it_is_written() -> None:
-    (nut,) = nut_resonances([NutMode(frequency_hz=188.0, q=25.0, mass_kg=2.5)])
+    (nut,) = nut_resonances((NutMode(frequency_hz=188.0, q=25.0, mass_kg=2.5),))
     assert (nut.frequency_hz, nut.q, nut.mass_kg, nut.across_mass_kg) == (188.0, 25.0, 2.5, None)
     (mode,) = single_modes(MovingMode(frequency_hz=101.0, q=20.0, mass_kg=1.5, shape=(1.0, 0.1)), 3)
     assert (mode.shape, mode.radiation) == ((1.0, 0.1, 0.0), 1.0)
 
 
 def test_directions_of_a_nut_are_independent() -> None:
-    field = nut_resonances([NutMode(frequency_hz=200.0, to_hz=4000.0, spacing_hz=100.0, q=30.0, mass_kg=2.0, seed=3)])
+    field = nut_resonances((NutMode(frequency_hz=200.0, to_hz=4000.0, spacing_hz=100.0, q=30.0, mass_kg=2.0, seed=3),))
     along, across = np.array([mode.mass_kg for mode in field]), np.array([mode.across_mass_kg for mode in field])
     assert np.abs(np.corrcoef(np.log(along), np.log(across))[0, 1]) < 0.4
     assert not np.any(along == across)

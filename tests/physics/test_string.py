@@ -87,6 +87,18 @@ def test_inharmonicity_validation():
         String.from_inharmonicity(1.0, 100.0, 1e-3, -1e-5, 1e-3)
 
 
+def test_another_tension_is_that_of_a_string_made_so(bass):
+    held = dataclasses.replace(bass, nut=(NutResonance(90.0, 20.0, 1.5),))
+    made = dataclasses.replace(held, tension_n=150.0)
+    assert held.with_tension(150.0) == made
+    assert np.array_equal(model_frequencies(held.with_tension(150.0), 5), model_frequencies(made, 5))
+    with pytest.raises(ValueError, match=r"tension_n must be a number > 0 N, got -1\.0"):
+        held.with_tension(-1.0)
+    heavy = dataclasses.replace(held, length_m=1e3, linear_density_kg_m=1e5)
+    with pytest.raises(ValueError, match="between 1e-06 and 1e"):
+        heavy.with_tension(1e-9)
+
+
 def test_with_length_keeps_the_wire_and_drops_what_was_measured(guitar):
     measured = dataclasses.replace(guitar, measured_frequencies_hz=(195.7,), measured_decay_rates=(0.3,), nut=NUT)
     half = measured.with_length(0.501)
