@@ -18,7 +18,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -49,8 +48,7 @@ _STORED, _POTENTIAL, _VISCOUS, _CONTACT, _INITIAL, _RISE, _DEPTH, _DRIFT, _LEAST
 _STEPS, _ROW, _PHASE, _LAST, _TOUCHED, _UNSOLVED, _ITERATIONS, _MOST = range(8)
 
 
-@dataclass(frozen=True)
-class Law:
+class Law(NamedTuple):
     """A compliant contact and how it is solved."""
 
     stiffness: float  # K [N/m^α] of a point
@@ -65,12 +63,7 @@ class TwoStepModel(NamedTuple):
     """What does not change over a run: N modes, C contacts, P outputs, M nodes of the full grid (0: contacts only)."""
 
     method: int
-    stiffness: float
-    exponent: float
-    loss: float
-    tolerance: float
-    iterations: int
-    correction: float
+    law: Law
     dt: float
     mu: float
     omega: np.ndarray  # (N,)
@@ -136,8 +129,8 @@ def _held(model: TwoStepModel, state: TwoStepState) -> float:
     total = 0.0
     if model.method == NEWTON:
         for c in range(model.eta.size):
-            total += 0.5 * potential(model.stiffness, model.exponent, state.before[c])
-            total += 0.5 * potential(model.stiffness, model.exponent, state.now[c])
+            total += 0.5 * potential(model.law.stiffness, model.law.exponent, state.before[c])
+            total += 0.5 * potential(model.law.stiffness, model.law.exponent, state.now[c])
     else:
         for c in range(state.psi.size):
             total += 0.5 * state.psi[c] * state.psi[c]
@@ -166,8 +159,8 @@ def _write_row(model: TwoStepModel, state: TwoStepState) -> None:
 def _advance_one(model: TwoStepModel, state: TwoStepState, n_steps: int, every: int) -> None:
     """`_advance` with one contact and no ledger: scalars, and the force of a step enters in the pass of the next."""
     coef, eta, matrix, dt = model.coef, model.eta[0], model.compliance, model.dt
-    method, stiffness, exponent, loss = model.method, model.stiffness, model.exponent, model.loss
-    tolerance, iterations, correction = model.tolerance, model.iterations, model.correction
+    method = model.method
+    stiffness, exponent, loss, tolerance, iterations, correction = model.law
     q, w, sums, counts, psi, work = state.q, state.w, state.sums, state.counts, state.psi, state.work
     n = q.size
     p11, p12, p21, p22, kq, kw = coef[0, :n], coef[1, :n], coef[2, :n], coef[3, :n], coef[4, :n], coef[5, :n]
@@ -256,8 +249,8 @@ def _advance(model: TwoStepModel, state: TwoStepState, n_steps: int, every: int)
     q, w, before, now, force, totals = state.q, state.w, state.before, state.now, state.force, state.totals
     sums, counts, psi, work, matrix = state.sums, state.counts, state.psi, state.work, state.matrix
     b, drag, r, gradient = work[5], work[6], work[7], work[0]
-    method, stiffness, exponent, loss = model.method, model.stiffness, model.exponent, model.loss
-    tolerance, iterations, correction = model.tolerance, model.iterations, model.correction
+    method = model.method
+    stiffness, exponent, loss, tolerance, iterations, correction = model.law
     kq, kw = coef[4, : q.size], coef[5, : q.size]
     ledger = state.energy.shape[0] > 0
     for _ in range(n_steps):
@@ -371,8 +364,7 @@ def make_model(
         grid = np.ascontiguousarray(grid, dtype=np.float64)
         shapes = np.ascontiguousarray(grid[nodes])
     return TwoStepModel(
-        METHODS[method], law.stiffness, law.exponent, law.loss, law.tolerance, law.iterations, law.correction,
-        problem.dt, problem.mu, omega, 2.0 * filter_ / (1.0 + e),
+        METHODS[method], law, problem.dt, problem.mu, omega, 2.0 * filter_ / (1.0 + e),
         -problem.mu * np.expm1(-2.0 * sigma * problem.dt) / filter_, coef, shapes,
         problem.dt * (shapes * coef[4]) @ shapes.T, eta, out_shapes, grid, np.asarray(nodes, dtype=np.int64),
     )  # fmt: skip
@@ -381,7 +373,7 @@ def make_model(
 def start(problem: Problem, model: TwoStepModel, ledger: bool) -> TwoStepState:
     """A run after its first step, rows 0 (and 1) written; f⁰ of row 0 is K [g⁰]₊^α."""
     n, contacts = model.omega.size, model.eta.size
-    k, alpha = model.stiffness, model.exponent
+    k, alpha, loss, tolerance, iterations, _ = model.law
     q0, v0 = (np.array(a, dtype=np.float64) for a in (problem.q, problem.v))
     rows = problem.steps // problem.every + 1
     state = TwoStepState(
@@ -409,13 +401,11 @@ def start(problem: Problem, model: TwoStepModel, ledger: bool) -> TwoStepState:
     free = hold[0] * q0 + hold[1] * v0
     b = model.eta - model.shapes @ free - state.before
     compliance = (model.shapes * hold[4]) @ model.shapes.T
-    drag = model.loss * state.force / model.dt
+    drag = loss * state.force / model.dt
     held, r = np.zeros(contacts), np.zeros(contacts)
     state.counts[_LAST] = -1
     if contacts:
-        done = newton(
-            k, alpha, compliance, drag, state.before, b, held, r, model.tolerance, model.iterations, state.work, state.matrix
-        )
+        done = newton(k, alpha, compliance, drag, state.before, b, held, r, tolerance, iterations, state.work, state.matrix)
         state.counts[_UNSOLVED] += done < 0
         state.now[:] = state.before + b - compliance @ held
     state.q[:] = free + hold[4] * (held @ model.shapes)
@@ -486,9 +476,9 @@ def solve(
     seconds = time.perf_counter() - started
     sums, counts = state.sums, state.counts
     notes: dict[str, Any] = {
-        "stiffness": model.stiffness,
-        "exponent": model.exponent,
-        "loss": model.loss,
+        "stiffness": model.law.stiffness,
+        "exponent": model.law.exponent,
+        "loss": model.law.loss,
         "largest_adhesion_n": max(0.0, -float(sums[_LEAST_FORCE])),
     }
     if model.method == NEWTON:
