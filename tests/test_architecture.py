@@ -246,7 +246,7 @@ FILE_TABLES = {"StringTable", "Preset", "Articulation", "Pluck"}
 #: … and those that are still to be taken apart
 STILL_LARGE = {
     "Board", "Coupling", "CoupledStudy", "End", "Model", "Run", "RunTables", "Scratch", "Shared", "State",
-    "StringModel", "StringState", "Voices", "WallRun",
+    "StringModel", "StringState", "Voices",
 }  # fmt: skip
 
 
