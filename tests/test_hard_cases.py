@@ -550,10 +550,10 @@ def test_random_motion_is_passive(compliant):
         state = driver.start_run(model, q, v, force, 1, 301, True, False)
         path = np.cumsum(np.concatenate([[0.0], rng.normal(size=300) * 10 ** rng.uniform(-6.0, -4.0)]))
         driver.run(model, state, 300, heights=path)
-        touched += state.counts[driver.CONTACT_STEPS] > 10
-        assert state.counts[driver.STEPS] == 300 and state.counts[driver.BAD_STEPS] == 0
-        assert state.sums[driver.RISE] <= 1e-12 and state.sums[driver.PENETRATION] <= 1e-12
-        assert state.sums[driver.LEAST_VISCOUS] >= -1e-12 and state.sums[driver.LEAST_CONTACT] >= -1e-12
+        touched += state.results.counts[driver.CONTACT_STEPS] > 10
+        assert state.results.counts[driver.STEPS] == 300 and state.results.counts[driver.BAD_STEPS] == 0
+        assert state.results.sums[driver.RISE] <= 1e-12 and state.results.sums[driver.PENETRATION] <= 1e-12
+        assert state.results.sums[driver.LEAST_VISCOUS] >= -1e-12 and state.results.sums[driver.LEAST_CONTACT] >= -1e-12
     assert touched > 40
 
 

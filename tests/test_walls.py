@@ -100,8 +100,8 @@ def test_kernel_is_its_twin(stiffness: float, e: float) -> None:
         assert run.q == pytest.approx(q, abs=1e-9 * np.abs(q).max())
         assert run.v == pytest.approx(v, abs=1e-9 * np.abs(v).max())
         held = problem.mu * model.spacing * run.account
-        assert held == pytest.approx(account, abs=1e-9 * run.sums[wall.START])
-        touched += int(run.counts[wall.TOUCHED])
+        assert held == pytest.approx(account, abs=1e-9 * run.results.sums[wall.START])
+        touched += int(run.results.counts[wall.TOUCHED])
     assert touched > 10
 
 
@@ -133,9 +133,9 @@ def test_energy_never_grows_at_any_step(e: float) -> None:
         problem, model, *_ = scene(rng, int(rng.choice([7, 40, 127])), 1500, stiffness, e, lossy=seed % 2 == 0, every=1)
         run = wall.start_run(problem, model, ledger=True)
         wall.advance(model, run, problem.steps, problem.every)
-        stored, held, viscous, lost, _ = run.energy.T
-        touched += int(run.counts[wall.TOUCHED])
-        assert run.sums[wall.RISE] < 1e-13  # of the start's energy: rounding of one step
+        stored, held, viscous, lost, _ = run.results.energy.T
+        touched += int(run.results.counts[wall.TOUCHED])
+        assert run.results.sums[wall.RISE] < 1e-13  # of the start's energy: rounding of one step
         assert np.diff(stored + held).max() < 1e-13 * stored[0]
         assert held.min() > -1e-13 * stored[0]
         assert np.abs(stored + held + viscous + lost - stored[0]).max() < 1e-11 * stored[0]  # 1500 roundings
@@ -208,7 +208,7 @@ def test_springs_converge_to_their_differential_equation() -> None:
         )  # fmt: skip
         run = wall.start_run(problem, model, ledger=False)
         wall.advance(model, run, steps, steps)
-        assert run.counts[wall.TOUCHED] > 10
+        assert run.results.counts[wall.TOUCHED] > 10
         errors.append(relative_error(run.q, exact))
     ratios = np.array(errors[:-1]) / errors[1:]
     assert ratios == pytest.approx(4.0, rel=0.15)  # second order
@@ -282,16 +282,17 @@ def test_how_often_there_are_rows_changes_nothing() -> None:
         runs.append(wall.start_run(problem._replace(every=every), model, ledger=False))
         wall.advance(model, runs[-1], problem.steps, every)
     first = runs[0]
-    assert first.counts[wall.TOUCHED] > 10 and first.counts[wall.LOOKED] < 0.2 * problem.steps
+    assert first.results.counts[wall.TOUCHED] > 10 and first.results.counts[wall.LOOKED] < 0.2 * problem.steps
     for run, every in zip(runs, (1, 7, 32, problem.steps), strict=True):
         assert np.array_equal(run.q, first.q) and np.array_equal(run.v, first.v)
-        assert run.counts[wall.LOOKED] == first.counts[wall.LOOKED]
+        assert run.results.counts[wall.LOOKED] == first.results.counts[wall.LOOKED]
         # rows are flown by other propagators: rounding
-        assert run.u == pytest.approx(first.u[::every], abs=1e-12 * np.abs(first.u).max())
-        assert run.contact_u == pytest.approx(first.contact_u[::every], abs=1e-12 * np.abs(first.contact_u).max())
-        impulses = first.contact_force[1 : (problem.steps // every) * every + 1]
+        assert run.results.u == pytest.approx(first.results.u[::every], abs=1e-12 * np.abs(first.results.u).max())
+        u = first.results.contact_u
+        assert run.results.contact_u == pytest.approx(u[::every], abs=1e-12 * np.abs(u).max())
+        impulses = first.results.contact_force[1 : (problem.steps // every) * every + 1]
         mean = impulses.reshape(-1, every, impulses.shape[1]).mean(axis=1)
-        assert run.contact_force[1:] == pytest.approx(mean, abs=1e-12 * impulses.max())
+        assert run.results.contact_force[1:] == pytest.approx(mean, abs=1e-12 * impulses.max())
 
 
 def test_a_whole_note_is_the_same_with_every_instant_looked_at() -> None:
@@ -300,10 +301,11 @@ def test_a_whole_note_is_the_same_with_every_instant_looked_at() -> None:
     wall.advance(model, run, problem.steps, problem.every)
     every = looked_at_everywhere(wall.start_run(problem, model, ledger=False, contact_rows=False))
     wall.advance(model, every, problem.steps, problem.every)
-    assert every.counts[wall.LOOKED] == problem.steps > 20 * run.counts[wall.LOOKED]
-    assert run.counts[wall.LAST] == every.counts[wall.LAST] and run.counts[wall.TOUCHED] == every.counts[wall.TOUCHED]
+    assert every.results.counts[wall.LOOKED] == problem.steps > 20 * run.results.counts[wall.LOOKED]
+    assert run.results.counts[wall.LAST] == every.results.counts[wall.LAST]
+    assert run.results.counts[wall.TOUCHED] == every.results.counts[wall.TOUCHED]
     # the impacts enlarge what rounding differs by
-    assert run.u == pytest.approx(every.u, abs=1e-10 * np.abs(every.u).max())
+    assert run.results.u == pytest.approx(every.results.u, abs=1e-10 * np.abs(every.results.u).max())
 
 
 @pytest.mark.parametrize("rigid", [False, True])
@@ -343,8 +345,9 @@ def test_rows_of_the_nodes_are_made_when_read() -> None:
     run = wall.start_run(problem, model, ledger=False)
     wall.advance(model, run, problem.steps, problem.every)
     for one in (result, again):
-        assert np.array_equal(one.u, run.u)
-        assert np.array_equal(one.u_contact, run.contact_u) and np.array_equal(one.contact_force, run.contact_force)
+        assert np.array_equal(one.u, run.results.u)
+        assert np.array_equal(one.u_contact, run.results.contact_u)
+        assert np.array_equal(one.contact_force, run.results.contact_force)
         assert one.u_contact is one.u_contact
 
 
@@ -361,10 +364,10 @@ def test_a_string_that_is_free_for_ever_never_touches_again(stiffness: float) ->
         wall.advance(model, run, problem.steps, problem.every)
         every = looked_at_everywhere(wall.start_run(problem, model, ledger=False))
         wall.advance(model, every, problem.steps, problem.every)
-        assert run.counts[wall.LAST] == every.counts[wall.LAST]
-        if run.counts[wall.EXIT] >= 0 and run.counts[wall.LAST] > 0:
+        assert run.results.counts[wall.LAST] == every.results.counts[wall.LAST]
+        if run.results.counts[wall.EXIT] >= 0 and run.results.counts[wall.LAST] > 0:
             exits += 1
-            assert every.counts[wall.LAST] <= run.counts[wall.EXIT] < 0.9 * problem.steps
+            assert every.results.counts[wall.LAST] <= run.results.counts[wall.EXIT] < 0.9 * problem.steps
     assert exits >= 5, exits
 
 
@@ -379,15 +382,16 @@ def test_instants_passed_over_change_nothing(stiffness: float) -> None:
         wall.advance(model, run, problem.steps, problem.every)
         every = looked_at_everywhere(wall.start_run(problem, model, ledger=False))
         wall.advance(model, every, problem.steps, problem.every)
-        assert every.counts[wall.LOOKED] == problem.steps
-        assert run.counts[wall.TOUCHED] == every.counts[wall.TOUCHED] and run.counts[wall.LAST] == every.counts[wall.LAST]
+        assert every.results.counts[wall.LOOKED] == problem.steps
+        assert run.results.counts[wall.TOUCHED] == every.results.counts[wall.TOUCHED]
+        assert run.results.counts[wall.LAST] == every.results.counts[wall.LAST]
         # 600 steps of rounding, in a problem whose impacts enlarge differences
         for name in ("u", "contact_u"):
-            whole = getattr(every, name)
-            assert getattr(run, name) == pytest.approx(whole, abs=1e-9 * np.abs(whole).max())
-        looked += int(run.counts[wall.LOOKED])
-        passed += problem.steps - int(run.counts[wall.LOOKED])
-        touched += int(run.counts[wall.TOUCHED])
+            whole = getattr(every.results, name)
+            assert getattr(run.results, name) == pytest.approx(whole, abs=1e-9 * np.abs(whole).max())
+        looked += int(run.results.counts[wall.LOOKED])
+        passed += problem.steps - int(run.results.counts[wall.LOOKED])
+        touched += int(run.results.counts[wall.TOUCHED])
     assert touched > 100 and passed > 1000, (looked, passed, touched)
 
 

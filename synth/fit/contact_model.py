@@ -214,4 +214,5 @@ class ContactModel:
                 slipped,
             )  # fmt: skip
             driver.run(model, run, max(0, frames - slip))
-        return ContactSound(run.u[draw + 1 : draw + 1 + frames, 0], int(run.counts[driver.CONTACT_STEPS]) / (draw + frames))
+        u, touched = run.results.u[draw + 1 : draw + 1 + frames, 0], int(run.results.counts[driver.CONTACT_STEPS])
+        return ContactSound(u, touched / (draw + frames))

@@ -128,8 +128,8 @@ class SetupNote:
             self._pluck(model, run, 1.0)
             released = np.array([run.q, run.v])
             driver.run(model, run, self.steps - self.free_step)
-        at = run.u[:, 1:]
-        return _Unit(run.u[:, 0].copy(), at.min(axis=0), at[: self.free_step + 1].min(axis=0), released)
+        at = run.results.u[:, 1:]
+        return _Unit(run.results.u[:, 0].copy(), at.min(axis=0), at[: self.free_step + 1].min(axis=0), released)
 
     @property
     def deepest(self) -> np.ndarray:
@@ -186,4 +186,4 @@ class SetupNote:
                 self._pluck(model, run, displacement_m)
             driver.run(model, run, self.steps - self.free_step)
         before = displacement_m * unit.heard[: 0 if early else self.free_step]
-        return np.concatenate([before, run.u[:, 0]]), run.contact_force
+        return np.concatenate([before, run.results.u[:, 0]]), run.results.contact_force

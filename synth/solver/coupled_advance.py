@@ -31,6 +31,9 @@ from synth.solver.coupled_study import (
     STEPS,
     UNSOLVED,
     coupled_study,
+    far_ends,
+    frame_before,
+    study_rows,
 )
 from synth.solver.coupling import COMPONENTS, TENSION, along, coupling_at, end_at, gather_lines
 from synth.solver.frames import FORCE, FROM_CONTACTS, V, advance_frames
@@ -47,80 +50,80 @@ def advance_study(study: int, frames: int) -> None:
 
 @njit(cache=True, nogil=True)
 def _frame(study: int, number: int) -> None:
-    t = coupled_study(study)
+    t, r, was = coupled_study(study), study_rows(study), frame_before(study)
     c = coupling_at(t.coupling)
     lines = c.line_end.size
     _move(study, number)
     for line in range(lines):
         s, m = string_state(c.line_state[line]), string_model(c.line_model[line])
         for j in range(m.modes):
-            t.kept_q[line, j] = s.q[j]
-            t.kept_v[line, j] = s.v[j]
+            was.q[line, j] = s.q[j]
+            was.v[line, j] = s.v[j]
         for k in range(m.shapes.shape[0]):
-            t.kept_force[t.first[line] + k] = s.force[k]
+            was.force[t.first[line] + k] = s.force[k]
     for k in range(c.p.size):
-        t.kept_body[0, k], t.kept_body[1, k] = c.p[k], c.p_speed[k]
+        was.body[0, k], was.body[1, k] = c.p[k], c.p_speed[k]
     for i in range(COMPONENTS):
-        t.kept_speed[i], t.kept_beta[i], t.kept_rest[i] = c.speed[i], c.beta[i], c.rest[i]
+        was.speed[i], was.beta[i], was.rest[i] = c.speed[i], c.beta[i], c.rest[i]
     if advance_frames(t.coupling, t.scratch, int(np.int64(1)), t.out) != 0:
-        t.counts[UNSOLVED] += 1
+        r.counts[UNSOLVED] += 1
     touched = weigh_frame(study)
-    t.counts[STEPS] += 1
-    t.counts[PHASE] += 1
+    r.counts[STEPS] += 1
+    r.counts[PHASE] += 1
     if touched:
-        t.counts[CONTACT_FRAMES] += 1
-        t.counts[LAST_CONTACT] = t.counts[STEPS]
+        r.counts[CONTACT_FRAMES] += 1
+        r.counts[LAST_CONTACT] = r.counts[STEPS]
     for i in range(COMPONENTS):
         force = c.small[FORCE, i] + c.small[FROM_CONTACTS, i]
         for k in range(COMPONENTS):
             force -= c.drag[i, k] * c.small[V, k]
         t.mean_bridge[i] += force
-    if t.counts[PHASE] == t.every:
+    if r.counts[PHASE] == t.every:
         write_row(study)
 
 
 @njit(cache=True, nogil=True)
 def _move(study: int, number: int) -> None:
     """Far ends, obstacles and fingers' paths for a frame of the call."""
-    t = coupled_study(study)
+    t, f, was = coupled_study(study), far_ends(study), frame_before(study)
     c = coupling_at(t.coupling)
     frame, turned = c.frame, False
     for i in range(COMPONENTS):
         c.held[i] = 0.0
     for line in range(c.line_end.size):
         e, s, m = end_at(c.line_end[line]), string_state(c.line_state[line]), string_model(c.line_model[line])
-        before, after = t.far[line], t.far_path[number, line]
-        t.kept_far[line] = before
+        before, after = f.height[line], f.path[number, line]
+        was.far[line] = before
         speed = (after - before) / frame
-        turn = speed - t.far_speed[line]
+        turn = speed - f.speed[line]
         stirred = turn != 0.0 or after != before
         if turn != 0.0:
             turned = True
             for j in range(m.modes):
-                s.v[j] -= t.far_moments[line, j] * turn
-            t.far_speed[line] = speed
-        t.far[line] = after
+                s.v[j] -= f.moments[line, j] * turn
+            f.speed[line] = speed
+        f.height[line] = after
         pull = 0.5 * e.numbers[TENSION] * (before + after)
         for i in range(COMPONENTS):
             c.held[i] -= c.direction[line, i] * pull
         for k in range(m.shapes.shape[0]):
             at = t.first[line] + k
-            t.kept_eta[at] = s.eta[k]
+            was.eta[at] = s.eta[k]
             wanted = t.target[number, at]
             if t.rising[at] and wanted > t.eta[at] + RISE_A_FRAME:
                 wanted = t.eta[at] + RISE_A_FRAME
             else:
                 t.rising[at] = 0
             t.eta[at] = wanted
-            s.eta[k] = wanted - t.far_leverage[at] * after
-            stirred = stirred or s.eta[k] != t.kept_eta[at]
+            s.eta[k] = wanted - f.leverage[at] * after
+            stirred = stirred or s.eta[k] != was.eta[at]
         if stirred:  # what was certain of contacts is not any more
             look_everywhere(c.line_end[line])
         if s.finger[0].on:
             steps = c.steps[line]
             for i in range(steps + 1):
                 height = before + (after - before) * i / steps
-                e.path[i] = t.path[line, number * steps + i] - t.finger_far[line] * height
+                e.path[i] = t.path[line, number * steps + i] - f.finger[line] * height
     if turned:
         gather_lines(t.coupling)
 
@@ -128,39 +131,39 @@ def _move(study: int, number: int) -> None:
 @njit(cache=True, nogil=True)
 def write_row(study: int) -> None:
     """One row of every result from the state as it is, and the means since the row before."""
-    t = coupled_study(study)
+    t, f, r = coupled_study(study), far_ends(study), study_rows(study)
     c = coupling_at(t.coupling)
-    row = t.counts[ROW]
-    if row >= t.u.shape[0]:
+    row = r.counts[ROW]
+    if row >= r.u.shape[0]:
         return
     for p in range(t.out_line.size):
         line = t.out_line[p]
         s, m = string_state(c.line_state[line]), string_model(c.line_model[line])
-        total = t.out_leverage[p] * along(c, line, c.beta) + t.out_far[p] * t.far[line]
+        total = t.out_leverage[p] * along(c, line, c.beta) + t.out_far[p] * f.height[line]
         for j in range(m.modes):
             total += t.out_shape[p, j] * s.q[j]
-        t.u[row, p] = total
-    share = 1.0 / t.counts[PHASE] if t.counts[PHASE] else 1.0
+        r.u[row, p] = total
+    share = 1.0 / r.counts[PHASE] if r.counts[PHASE] else 1.0
     for line in range(c.line_end.size):
         e, s, m = end_at(c.line_end[line]), string_state(c.line_state[line]), string_model(c.line_model[line])
         for k in range(m.shapes.shape[0]):
             at = t.first[line] + k
-            total = e.leverage[k] * along(c, line, c.beta) + t.far_leverage[at] * t.far[line]
+            total = e.leverage[k] * along(c, line, c.beta) + f.leverage[at] * f.height[line]
             for j in range(m.modes):
                 total += m.shapes[k, j] * s.q[j]
             for o in range(m.shapes.shape[0]):
                 total += m.residual[k, o] * s.force[o]
-            t.u_contact[row, at] = total
-            t.contact_force[row, at] = t.mean_force[at] * share
+            r.u_contact[row, at] = total
+            r.contact_force[row, at] = t.mean_force[at] * share
             t.mean_force[at] = 0.0
-    for i in range(t.bridge.shape[1]):
-        t.bridge[row, i] = c.beta[i]
-        t.bridge_force[row, i] = t.mean_bridge[i] * share
+    for i in range(r.bridge.shape[1]):
+        r.bridge[row, i] = c.beta[i]
+        r.bridge_force[row, i] = t.mean_bridge[i] * share
     t.mean_bridge[:] = 0.0
     for channel in range(t.out.shape[0]):
-        t.radiated[row, channel] = t.out[channel, 0]
-    if t.energy.shape[0] > 0:
+        r.radiated[row, channel] = t.out[channel, 0]
+    if r.energy.shape[0] > 0:
         for k in range(N_ENERGIES):
-            t.energy[row, k] = t.now[k]
-    t.counts[ROW] += 1
-    t.counts[PHASE] = 0
+            r.energy[row, k] = t.now[k]
+    r.counts[ROW] += 1
+    r.counts[PHASE] = 0

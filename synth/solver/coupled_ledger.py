@@ -40,6 +40,9 @@ from synth.solver.coupled_study import (
     WORK_FRET,
     WORK_OBSTACLE,
     coupled_study,
+    far_ends,
+    frame_before,
+    study_rows,
 )
 from synth.solver.coupling import (
     COMPONENTS,
@@ -59,21 +62,21 @@ from synth.solver.stringmodel import string_model, string_state
 @njit(cache=True, nogil=True)
 def weigh_now(study: int) -> float:
     """What is stored, into CoupledStudy.now; its sum [J]."""
-    t = coupled_study(study)
+    t, f = coupled_study(study), far_ends(study)
     c = coupling_at(t.coupling)
     now = t.now
     for k in range(N_STORED):
         now[k] = 0.0
     for line in range(c.line_end.size):
         e, s, m = end_at(c.line_end[line]), string_state(c.line_state[line]), string_model(c.line_model[line])
-        speed, far_speed = along(c, line, c.speed), t.far_speed[line]
+        speed, far_speed = along(c, line, c.speed), f.speed[line]
         total = 0.0
         for j in range(m.modes):
-            y = s.v[j] - e.kick[j] * speed + t.far_moments[line, j] * far_speed
+            y = s.v[j] - e.kick[j] * speed + f.moments[line, j] * far_speed
             w = m.omega[j] * s.q[j]
             total += y * y + w * w
         now[STRINGS] += 0.5 * m.mu * total
-        drawn = along(c, line, c.beta) - t.far[line]
+        drawn = along(c, line, c.beta) - f.height[line]
         now[SPRINGS] += 0.5 * e.numbers[TENSION] * drawn * drawn
         for k in range(m.shapes.shape[0]):
             for i in range(m.shapes.shape[0]):
@@ -91,9 +94,9 @@ def weigh_now(study: int) -> float:
 def weigh_frame(study: int) -> bool:
     """The frame that was taken: contact forces, how deep contacts are, and with the ledger its place there. Whether any
     contact gave a force."""
-    t = coupled_study(study)
+    t, f, r, was = coupled_study(study), far_ends(study), study_rows(study), frame_before(study)
     c = coupling_at(t.coupling)
-    frame, now, sums = c.frame, t.now, t.sums
+    frame, now, sums, ledger = c.frame, t.now, r.sums, r.energy.shape[0] > 0
     before = 0.0
     for k in range(N_STORED):
         before += now[k]
@@ -103,12 +106,12 @@ def weigh_frame(study: int) -> bool:
         e, s, m = end_at(c.line_end[line]), string_state(c.line_state[line]), string_model(c.line_model[line])
         contacts, n, steps = m.shapes.shape[0], m.modes, c.steps[line]
         fingered = s.finger[0].on != 0
-        if not t.ledger and contacts == 0:
+        if not ledger and contacts == 0:
             continue
-        old, new = along(c, line, t.kept_speed), along(c, line, c.speed)
-        b, far = along(c, line, t.kept_beta), t.kept_far[line]
+        old, new = along(c, line, was.speed), along(c, line, c.speed)
+        b, far = along(c, line, was.beta), was.far[line]
         turn = new - old
-        q, v = t.kept_q[line], t.kept_v[line]
+        q, v = was.q[line], was.v[line]
         at_start, at_end, impulse = 0.0, 0.0, 0.0
         for j in range(n):
             v[j] += e.kick[j] * turn
@@ -116,7 +119,7 @@ def weigh_frame(study: int) -> bool:
             at_start += v[j] * v[j] + w * w
             w = m.omega[j] * s.q[j]
             at_end += s.v[j] * s.v[j] + w * w
-            impulse += t.far_moments[line, j] * (s.v[j] - v[j])
+            impulse += f.moments[line, j] * (s.v[j] - v[j])
         strings += 0.5 * m.mu * (at_start - at_end)
         pushed = 0.0  # mean of (1 − x/L) λ
         if e.counts[KIND] < SINGLE:
@@ -134,36 +137,36 @@ def weigh_frame(study: int) -> bool:
                 total = 0.0
                 for j in range(n):
                     total += m.shapes[k, j] * q[j]
-                t.way[k] = total
-            rise = (t.far[line] - far) / steps
+                was.way[k] = total
+            rise = (f.height[line] - far) / steps
             climb = new * frame / steps
             for i in range(steps):
-                _step(t, c, line, i, q, v)
+                _step(t, was, c, line, i, q, v)
                 for k in range(contacts):
                     at = t.first[line] + k
-                    force = t.force[at]
+                    force = was.acting[at]
                     total = 0.0
                     for j in range(n):
                         total += m.shapes[k, j] * q[j]
-                    moved = total - t.way[k]
-                    t.way[k] = total
-                    raised = s.eta[k] - t.kept_eta[at] if i == 0 else 0.0
+                    moved = total - was.way[k]
+                    was.way[k] = total
+                    raised = s.eta[k] - was.eta[at] if i == 0 else 0.0
                     strings += force * moved
                     contact += force * (raised - moved - e.leverage[k] * climb)
-                    obstacle_work += force * (raised + t.far_leverage[at] * rise)
-                    pushed += t.far_leverage[at] * force / steps
+                    obstacle_work += force * (raised + f.leverage[at] * rise)
+                    pushed += f.leverage[at] * force / steps
                     given, missing = 0.0, 0.0
                     for o in range(contacts):
-                        given += m.residual[k, o] * t.force[t.first[line] + o]
-                        missing += m.residual[k, o] * t.kept_force[t.first[line] + o]
-                    contact -= 0.5 * (force * given - t.kept_force[at] * missing)
+                        given += m.residual[k, o] * was.acting[t.first[line] + o]
+                        missing += m.residual[k, o] * was.force[t.first[line] + o]
+                    contact -= 0.5 * (force * given - was.force[at] * missing)
                     deep = s.eta[k] - total - e.leverage[k] * (b + climb * (i + 1)) - given
                     sums[PENETRATION] = max(sums[PENETRATION], deep)
                     if force != 0.0:
                         touched = True
                     t.mean_force[at] += force / steps
                 for k in range(contacts):
-                    t.kept_force[t.first[line] + k] = t.force[t.first[line] + k]
+                    was.force[t.first[line] + k] = was.acting[t.first[line] + k]
                 if fingered:
                     push, total = e.forces[contacts, i], 0.0
                     for j in range(n):
@@ -171,28 +174,28 @@ def weigh_frame(study: int) -> bool:
                     moved = total - held
                     held = total
                     strings += push * moved
-                    moved += e.numbers[FINGER_LEVERAGE] * climb + t.finger_far[line] * rise
+                    moved += e.numbers[FINGER_LEVERAGE] * climb + f.finger[line] * rise
                     finger_work += push * moved
-                    pushed += t.finger_far[line] * push / steps
-        if t.far[line] != far:
-            drawn = 0.5 * (far + t.far[line]) - b - 0.5 * new * frame
+                    pushed += f.finger[line] * push / steps
+        if f.height[line] != far:
+            drawn = 0.5 * (far + f.height[line]) - b - 0.5 * new * frame
             held_by = m.mu * impulse / frame - pushed + e.numbers[TENSION] * drawn
-            far_work += held_by * (t.far[line] - far)
-    if not t.ledger:
+            far_work += held_by * (f.height[line] - far)
+    if not ledger:
         return touched
     body = 0.0
     for k in range(c.p.size):
         force = 0.0
         for i in range(COMPONENTS):
             force += c.shape[i, k] * c.force[i, 0]
-        w_old, w_new = c.body_omega[k] * t.kept_body[0, k], c.body_omega[k] * c.p[k]
-        v_old, v_new = t.kept_body[1, k], c.p_speed[k]
+        w_old, w_new = c.body_omega[k] * was.body[0, k], c.body_omega[k] * c.p[k]
+        v_old, v_new = was.body[1, k], c.p_speed[k]
         body += 0.5 * c.body_mass[k] * (v_old * v_old - v_new * v_new + w_old * w_old - w_new * w_new)
-        body += force * (c.p[k] - t.kept_body[0, k])
+        body += force * (c.p[k] - was.body[0, k])
     rest = 0.0
     for i in range(c.rest.size):
         for k in range(c.rest.size):
-            one, other = t.kept_rest[i] - c.speed[i], t.kept_rest[k] - c.speed[k]
+            one, other = was.rest[i] - c.speed[i], was.rest[k] - c.speed[k]
             rest += 0.5 * (1.0 - KEPT_BY_THE_REST * KEPT_BY_THE_REST) * one * c.rest_mass[i, k] * other
     after = weigh_now(study)
     now[LOST_STRINGS] += strings
@@ -203,7 +206,7 @@ def weigh_frame(study: int) -> bool:
     now[WORK_OBSTACLE] += obstacle_work
     now[WORK_FRET] += far_work
     work = finger_work + obstacle_work + far_work
-    scale = scale_of(t)
+    scale = _scale(now, sums)
     if scale > 0.0:
         sums[RISE] = max(sums[RISE], (after - before - work) / scale)
         sums[LEAST_STRINGS] = min(sums[LEAST_STRINGS], strings / scale)
@@ -211,44 +214,44 @@ def weigh_frame(study: int) -> bool:
         sums[LEAST_BODY] = min(sums[LEAST_BODY], body / scale)
         left = (after - before - work + strings + contact + body + rest) / scale
         sums[MOST_BALANCE] = max(sums[MOST_BALANCE], abs(left))
-        sums[BALANCE] = _balance(t) / scale
+        sums[BALANCE] = _balance(now, sums) / scale
     return touched
 
 
 @njit(inline="always")
-def scale_of(t) -> float:
+def _scale(now, sums) -> float:
     """What energy there was to have so far [J]."""
     worked = 0.0
     for k in range(N_STORED + N_LOST, N_ENERGIES):
-        worked += t.now[k]
-    return t.sums[INITIAL] + max(0.0, worked)
+        worked += now[k]
+    return sums[INITIAL] + max(0.0, worked)
 
 
 @njit(inline="always")
-def _balance(t) -> float:
-    total = -t.sums[INITIAL]
+def _balance(now, sums) -> float:
+    total = -sums[INITIAL]
     for k in range(N_STORED + N_LOST):
-        total += t.now[k]
+        total += now[k]
     for k in range(N_STORED + N_LOST, N_ENERGIES):
-        total -= t.now[k]
+        total -= now[k]
     return total
 
 
 @njit(inline="always")
-def _step(t, c, line: int, i: int, q, v) -> None:
-    """Step i of the frame over the modes of a line that was looked at, with its forces; CoupledStudy.force has them."""
+def _step(t, was, c, line: int, i: int, q, v) -> None:
+    """Step i of the frame over the modes of a line that was looked at, with its forces; FrameBefore.acting has them."""
     e, s, m = end_at(c.line_end[line]), string_state(c.line_state[line]), string_model(c.line_model[line])
     rows, contacts = m.rows, m.shapes.shape[0]
     first = t.first[line]
     for k in range(contacts):
-        t.force[first + k] = 0.0
+        was.acting[first + k] = 0.0
     for row in range(e.counts[NEAR]):
-        t.force[first + e.near[row]] = e.forces[row, i]
+        was.acting[first + e.near[row]] = e.forces[row, i]
     fingered = s.finger[0].on != 0
     for j in range(m.modes):
         f = 0.0
         for k in range(contacts):
-            f += m.shapes[k, j] * t.force[first + k]
+            f += m.shapes[k, j] * was.acting[first + k]
         if fingered:
             f += s.finger_weights[j] * e.forces[contacts, i]
         a = rows[P11, j] * q[j] + rows[P12, j] * v[j] + rows[4, j] * f

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from synth.native.arrays import allocate
 from synth.native.views import table
 from synth.solver.block_rows import BLOCK
 from synth.solver.certificates import CERTIFY_FROM
@@ -22,7 +23,7 @@ from synth.solver.energy import filter_factor, spring, stored
 from synth.solver.laws import EXACT_HOLD, coefficients, contact_matrix
 from synth.solver.layers import held_by_layers, static_forces
 from synth.solver.lcp import NOT_SOLVED, SOLVED, natural_residual, solve
-from synth.solver.problem import kept_array
+from synth.solver.problem import Results, kept_array
 from synth.solver.stringmodel import (
     Scratch,
     StringContacts,
@@ -151,12 +152,6 @@ class Model:
             "lifted": table(self.string._replace(restitution=1.0, **quiet)),
         }
 
-    @property
-    def in_blocks(self) -> bool:
-        """Whether there are the responses that steps in blocks need."""
-        blocks = self.part if self.eta.size == 1 else self.string
-        return blocks.step == 0 and self.layers.shape[1] == 0 and blocks.lags.shape[0] == self.eta.size
-
     def but(self, **changed: Any) -> Model:
         """The same with other contacts (fields of StringContacts) or another argument of `make_model`."""
         contacts = {name: changed.pop(name) for name in StringContacts._fields if name in changed}
@@ -180,7 +175,7 @@ class Model:
 
 @dataclass
 class Run:
-    """State, results and scratch of one run; n outputs, every M steps."""
+    """State, results and scratch of one run, outputs every M steps."""
 
     state: StringState
     q: np.ndarray  # (N,)
@@ -189,12 +184,7 @@ class Run:
     v_contact: np.ndarray  # (C,)
     force: np.ndarray  # (C,) contact unknown of the last step
     eta: np.ndarray  # (C,) heights now
-    sums: np.ndarray  # float64
-    counts: np.ndarray  # int64
-    u: np.ndarray  # (n, P) out
-    contact_u: np.ndarray  # (n, C) out: S q + R λ
-    contact_force: np.ndarray  # (n, C) out: mean since the output before
-    energy: np.ndarray  # (n, 5) out, or (0, 5)
+    results: Results
     records: np.ndarray  # (M, C)
     part_records: np.ndarray  # (K, C) forces of a step's parts
     before: np.ndarray  # (3, N)
@@ -209,32 +199,18 @@ class Run:
         return {name: table(getattr(self, name)) for name in ("state", "blocks", "watching")}
 
     def study(self, model: Model, path: np.ndarray, heights: np.ndarray) -> tuple[np.ndarray, Any]:
-        """The table of RunTables, and what must be kept as long as it is in use."""
+        """The table of RunTables and Results, and what must be kept as long as it is in use."""
         stepping = self.stepping._replace(path=path)
         parting = stepping._replace(record=self.part_records.reshape(-1))
         kept = self.tables | {"stepping": table(stepping), "parting": table(parting)}
         addresses: dict[str, Any] = {name: each.ctypes.data for name, each in (kept | model.tables).items()}
-        shared = (
-            "sums",
-            "counts",
-            "u",
-            "contact_u",
-            "contact_force",
-            "energy",
-            "records",
-            "part_records",
-            "before",
-            "risen",
-        )
         study = RunTables(
             **addresses,
-            parts=model.parts,
-            in_blocks=int(model.in_blocks),
             factor=model.factor,
             heights=heights,
-            **{name: getattr(self, name) for name in shared},
+            **{name: getattr(self, name) for name in ("records", "part_records", "before", "risen")},
         )
-        return table(study), (model, kept, study, stepping)
+        return table(study, self.results), (model, kept, study, stepping)
 
 
 def make_model(
@@ -329,6 +305,7 @@ def start_run(model: Model, q, v, force, steps_per_output: int, outputs: int, le
     room = contacts * (2 if model.layers.shape[1] else 1)
     stepping = make_scratch(room, n, 0, 1)._replace(record=records.reshape(-1))
     watching = make_scratch(room, n, points, BLOCKS * BLOCK, watched=BLOCKS * BLOCK)
+    sizes = {"rows": outputs, "contact_rows": outputs, "points": points, "contacts": contacts}
     run = Run(
         state=state,
         q=state.q[:n],
@@ -337,12 +314,7 @@ def start_run(model: Model, q, v, force, steps_per_output: int, outputs: int, le
         v_contact=state.v_contact,
         force=state.force,
         eta=state.eta,
-        sums=np.zeros(SUMS),
-        counts=np.zeros(COUNTS, np.int64),
-        u=np.zeros((outputs, points)),
-        contact_u=np.zeros((outputs, contacts)),
-        contact_force=np.zeros((outputs, contacts)),
-        energy=np.zeros((outputs if ledger else 0, len(ENERGY_COLUMNS))),
+        results=allocate(Results, sizes | {"weighed": outputs if ledger else 0, "sums": SUMS, "counts": COUNTS}),
         records=records,
         part_records=np.zeros((model.parts, contacts)),
         before=np.zeros((3, n)),
@@ -351,12 +323,13 @@ def start_run(model: Model, q, v, force, steps_per_output: int, outputs: int, le
         blocks=watching._replace(contact_u=np.zeros(0)),
         watching=watching,
     )
-    run.counts[LAST_CONTACT] = 0 if np.any(run.force > 0.0) else -1
-    run.sums[PENETRATION] = -np.inf if contacts else 0.0
-    run.sums[RISE] = run.sums[LEAST_VISCOUS] = run.sums[LEAST_CONTACT] = 0.0
-    run.sums[STORED] = stored(model.law, model.omega, model.factor, model.mu, model.dt, run.q, run.v)
-    run.sums[SPRING] = _held(model, run)
-    run.sums[INITIAL] = run.sums[STORED] + run.sums[SPRING]
+    sums, counts = run.results.sums, run.results.counts
+    counts[LAST_CONTACT] = 0 if np.any(run.force > 0.0) else -1
+    sums[PENETRATION] = -np.inf if contacts else 0.0
+    sums[RISE] = sums[LEAST_VISCOUS] = sums[LEAST_CONTACT] = 0.0
+    sums[STORED] = stored(model.law, model.omega, model.factor, model.mu, model.dt, run.q, run.v)
+    sums[SPRING] = _held(model, run)
+    sums[INITIAL] = sums[STORED] + sums[SPRING]
     write_row(model, run)
     if model.law != EXACT_HOLD and not published_start:
         exact = coefficients(EXACT_HOLD, model.omega, model.sigma, model.mu, model.dt)
@@ -365,13 +338,13 @@ def start_run(model: Model, q, v, force, steps_per_output: int, outputs: int, le
         run.q[:] = moved
         run.u_contact[:] = model.shapes @ run.q
         run.v_contact[:] = model.shapes @ run.v
-        run.counts[STEPS] = run.counts[PHASE] = 1
+        counts[STEPS] = counts[PHASE] = 1
         # the ledger of this scheme's energy begins with its first state
-        run.sums[STORED] = stored(model.law, model.omega, model.factor, model.mu, model.dt, run.q, run.v)
-        run.sums[INITIAL] = run.sums[STORED]
-        if run.energy.size:
-            run.energy[0, 0] = run.sums[STORED]
-        if run.counts[PHASE] == steps_per_output:
+        sums[STORED] = stored(model.law, model.omega, model.factor, model.mu, model.dt, run.q, run.v)
+        sums[INITIAL] = sums[STORED]
+        if run.results.energy.size:
+            run.results.energy[0, 0] = sums[STORED]
+        if counts[PHASE] == steps_per_output:
             write_row(model, run)
     return run
 
@@ -396,10 +369,10 @@ _CARRIED = ("q", "v", "u_contact", "v_contact", "force", "eta", "risen")
 def kept_of(run: Run) -> dict[str, np.ndarray]:
     """What `resume_run` goes on from: the run as it is at a row, forces of that row and, with the ledger, its sums."""
     kept = {name: np.array(getattr(run, name)) for name in _CARRIED}
-    kept["divide"] = np.array(run.counts[DIVIDE])
-    kept["row_force"] = run.contact_force[run.counts[ROW] - 1].copy()
-    if run.energy.size:
-        kept["sums"] = run.sums.copy()
+    kept["divide"] = np.array(run.results.counts[DIVIDE])
+    kept["row_force"] = run.results.contact_force[run.results.counts[ROW] - 1].copy()
+    if run.results.energy.size:
+        kept["sums"] = run.results.sums.copy()
     return kept
 
 
@@ -414,17 +387,18 @@ def resume_run(
     n, contacts = (model.omega.size,), (model.eta.size,)
     q, v = kept_array(kept, "q", n), kept_array(kept, "v", n)
     run = start_run(model, q, v, kept_array(kept, "force", contacts), steps_per_output, outputs, ledger, True)
+    sums, counts = run.results.sums, run.results.counts
     for name in _CARRIED:
         array = getattr(run, name)
         array[:] = kept_array(kept, name, array.shape)
-    run.counts[STEPS], run.counts[DIVIDE], run.counts[ROW] = first, kept_array(kept, "divide", ()) != 0, 0
-    run.counts[LAST_CONTACT] = first if np.any(run.force > 0.0) else -1
+    counts[STEPS], counts[DIVIDE], counts[ROW] = first, kept_array(kept, "divide", ()) != 0, 0
+    counts[LAST_CONTACT] = first if np.any(run.force > 0.0) else -1
     if ledger and "sums" in kept:
-        run.sums[:] = kept_array(kept, "sums", (SUMS,))
-    run.sums[PENETRATION] = -np.inf if run.eta.size else 0.0
-    run.sums[RISE] = run.sums[LEAST_VISCOUS] = run.sums[LEAST_CONTACT] = 0.0
+        sums[:] = kept_array(kept, "sums", (SUMS,))
+    sums[PENETRATION] = -np.inf if run.eta.size else 0.0
+    sums[RISE] = sums[LEAST_VISCOUS] = sums[LEAST_CONTACT] = 0.0
     write_row(model, run)
-    run.contact_force[0] = kept_array(kept, "row_force", contacts)
+    run.results.contact_force[0] = kept_array(kept, "row_force", contacts)
     return run
 
 
@@ -436,12 +410,13 @@ def change_model(old: Model, new: Model, run: Run) -> None:
     """
     if np.any(old.residual @ run.force):
         run.force[:] = np.linalg.lstsq(new.residual, old.residual @ run.force, rcond=None)[0]
-    if run.energy.size:
+    if run.results.energy.size:
+        sums = run.results.sums
         after_stored = stored(new.law, new.omega, new.factor, new.mu, new.dt, run.q, run.v)
         after_spring = _held(new, run)
-        run.sums[INJECTED] += after_stored + after_spring - run.sums[STORED] - run.sums[SPRING]
-        run.sums[STORED] = after_stored
-        run.sums[SPRING] = after_spring
+        sums[INJECTED] += after_stored + after_spring - sums[STORED] - sums[SPRING]
+        sums[STORED] = after_stored
+        sums[SPRING] = after_spring
 
 
 def run(model: Model, run: Run, n_steps: int, finger: Finger | None = None, heights: np.ndarray | None = None) -> None:

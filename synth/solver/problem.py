@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
+
+from synth.native.arrays import f8, i8
 
 
 class Problem(NamedTuple):
@@ -23,6 +25,17 @@ class Problem(NamedTuple):
     out_shapes: np.ndarray  # (P, N)
     q: np.ndarray  # (N,) at t = 0 [m·√m]
     v: np.ndarray  # (N,) q̇ at t = 0
+
+
+class Results(NamedTuple):
+    """What a run gives of P outputs and C contacts in n rows, and sums and counts in places of the scheme's own."""
+
+    u: Annotated[np.ndarray, f8("rows, points")]  # (n, P) [m]
+    contact_u: Annotated[np.ndarray, f8("contact_rows, contacts")]  # (n, C) [m], or (0, C)
+    contact_force: Annotated[np.ndarray, f8("contact_rows, contacts")]  # (n, C) mean since the row before [N], or (0, C)
+    energy: Annotated[np.ndarray, f8("weighed, 5")]  # (n, 5) [J], or (0, 5)
+    sums: Annotated[np.ndarray, f8("sums")]
+    counts: Annotated[np.ndarray, i8("counts")]
 
 
 def kept_array(kept: Mapping[str, np.ndarray], name: str, shape: tuple[int, ...]) -> np.ndarray:

@@ -7,14 +7,15 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numba import njit
 
-from synth.native.arrays import f8, i8
-from synth.native.views import opener
+from synth.native.arrays import f8
+from synth.native.views import opener, words
 from synth.solver.block_rows import BLOCK
 from synth.solver.certificates import amplitudes, reach
 from synth.solver.energy import impulse_work, spring, stored
 from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN_FILTERED
 from synth.solver.layers import held_by_layers
 from synth.solver.lcp import SOLVED
+from synth.solver.problem import Results
 from synth.solver.step import advance, step_by_step
 from synth.solver.stringmodel import (
     CERTAIN,
@@ -26,23 +27,23 @@ from synth.solver.stringmodel import (
 from synth.solver.substeps import advance_substepped, arriving, clear_step
 from synth.solver.vectors import INNER, dot, put
 
-# places in Run.sums
+# places in Results.sums
 STORED, SPRING, VISCOUS, CONTACT, INJECTED, INITIAL = 0, 1, 2, 3, 4, 5
 PENETRATION, RISE, LEAST_VISCOUS, LEAST_CONTACT = 6, 7, 8, 9
 SUMS = 10
-# places in Run.counts
+# places in Results.counts
 STEPS, PHASE, ROW, LAST_CONTACT, BAD_STEPS, CONTACT_STEPS, DIVIDE = 0, 1, 2, 3, 4, 5, 6
 COUNTS = 7
 #: where rows are few steps apart, contacts out of reach are looked for that often; they stay so until one is touched
 _CERTIFY_STEPS = 32
 #: blocks of one call of the block kernel, at most
 BLOCKS = 64
-#: columns of Run.energy
+#: columns of Results.energy
 ENERGY_COLUMNS = ("stored", "residual", "viscous", "contact", "injected")
 
 
 class RunTables(NamedTuple):
-    """What the kernels of a run work with: addresses of models, of the state and of what they step with, results."""
+    """What the kernels of a run work with: addresses of models, of the state and of what they step with. Results follow."""
 
     watched: int
     apart: int
@@ -54,38 +55,30 @@ class RunTables(NamedTuple):
     parting: int  # … of parts of a step, …
     blocks: int  # … of blocks, …
     watching: int  # … and of blocks with displacements of the contacts
-    parts: int
-    in_blocks: int
     factor: Annotated[np.ndarray, f8("modes")]
     heights: Annotated[np.ndarray, f8("heights")]  # (n + 1,) of the obstacle [m], or none
-    sums: Annotated[np.ndarray, f8("sums")]
-    counts: Annotated[np.ndarray, i8("counts")]
-    u: Annotated[np.ndarray, f8("rows, points")]
-    contact_u: Annotated[np.ndarray, f8("rows, contacts")]
-    contact_force: Annotated[np.ndarray, f8("rows, contacts")]
-    energy: Annotated[np.ndarray, f8("weighed, 5")]
     records: Annotated[np.ndarray, f8("steps, contacts")]
     part_records: Annotated[np.ndarray, f8("parts, contacts")]
     before: Annotated[np.ndarray, f8("3, modes")]
     risen: Annotated[np.ndarray, f8("1")]
 
 
-run_tables = opener(RunTables)
+run_tables, results_of = opener(RunTables), opener(Results, words(RunTables))
 
 
 @njit(cache=True, nogil=True)
 def write_output(study: int) -> None:
     """One row of every result, from the state as it is and the contact forces recorded since the row before."""
-    r = run_tables(study)
+    r, out = run_tables(study), results_of(study)
     m, s = string_model(r.watched), string_state(r.state)
-    row, contacts, q = r.counts[ROW], m.shapes.shape[0], s.q[: m.modes]
+    row, contacts, q = out.counts[ROW], m.shapes.shape[0], s.q[: m.modes]
     for p in range(m.points):
-        r.u[row, p] = dot(m.weights[p], q)
+        out.u[row, p] = dot(m.weights[p], q)
     for c in range(contacts):
         u = dot(m.shapes[c], q)
         for d in range(contacts):
             u += m.residual[c, d] * s.force[d]
-        r.contact_u[row, c] = u
+        out.contact_u[row, c] = u
     _close_row(study)
 
 
@@ -98,22 +91,22 @@ def _softness(m, c: int) -> float:
 @njit(**INNER)
 def _close_row(study: int) -> None:
     """What a row has besides displacements: forces, penetration, energies."""
-    r = run_tables(study)
+    r, out = run_tables(study), results_of(study)
     m, s = string_model(r.whole), string_state(r.state)
-    row = r.counts[ROW]
+    row = out.counts[ROW]
     scale = 1.0 if m.law == EXACT_HOLD else 1.0 / m.dt
-    steps = r.counts[PHASE]
+    steps = out.counts[PHASE]
     for c in range(m.shapes.shape[0]):
-        r.sums[PENETRATION] = max(r.sums[PENETRATION], s.eta[c] - _softness(m, c) - r.contact_u[row, c])
+        out.sums[PENETRATION] = max(out.sums[PENETRATION], s.eta[c] - _softness(m, c) - out.contact_u[row, c])
         total = 0.0
         for t in range(steps):
             total += r.records[t, c]
-        r.contact_force[row, c] = total / steps * scale if steps > 0 else s.force[c]
-    if r.energy.shape[0] > 0:
+        out.contact_force[row, c] = total / steps * scale if steps > 0 else s.force[c]
+    if out.energy.shape[0] > 0:
         for k in range(5):
-            r.energy[row, k] = r.sums[k]
-    r.counts[ROW] = row + 1
-    r.counts[PHASE] = 0
+            out.energy[row, k] = out.sums[k]
+    out.counts[ROW] = row + 1
+    out.counts[PHASE] = 0
 
 
 @njit(cache=True, nogil=True)
@@ -131,25 +124,27 @@ def certify_watch(study: int) -> None:
             # the bound is a sum of N roundings too: leave it a margin
             if reach(m.shapes[c], amplitude) * (1.0 + 1e-9) < -m.eta[c]:
                 w.watch[c] = 0
-            elif r.parts > 1:
+            elif r.part_records.shape[0] > 1:
                 s.u[c] = dot(m.shapes[c], q)
 
 
 @njit(cache=True, nogil=True)
 def advance_study(study: int, n_steps: int) -> None:
     """`driver.run`, compiled: n steps, or as many as there are rows for."""
-    r = run_tables(study)
+    r, out = run_tables(study), results_of(study)
     m, s, w = string_model(r.whole), string_state(r.state), scratch_of(r.stepping)
     every, contacts, fingered = r.records.shape[0], m.shapes.shape[0], s.finger[0].on != 0
-    ledger = r.energy.shape[0] > 0
+    ledger = out.energy.shape[0] > 0
     moves = r.heights.size > 0
-    count = 1 if moves else r.parts
+    count = 1 if moves else r.part_records.shape[0]
     for c in range(contacts):  # model and finger may be others than in the call before
         w.watch[c] = 1
-    in_blocks = not (ledger or moves or fingered) and r.in_blocks and (count == 1 or contacts == 1)
+    blocks = string_model(r.watched)
+    tabled = blocks.step == 0 and blocks.layers.shape[1] == 0 and blocks.lags.shape[0] == contacts
+    in_blocks = tabled and not (ledger or moves or fingered) and (count == 1 or contacts == 1)
     s.counts[CERTAIN] = 0
     done = int(np.int64(0))  # literals would have kernels that are called with it compiled once more
-    while done < n_steps and r.counts[ROW] < r.u.shape[0]:
+    while done < n_steps and out.counts[ROW] < out.u.shape[0]:
         if in_blocks:
             some = _run_blocks(study, n_steps - done, count)
             if some > 0:
@@ -158,7 +153,7 @@ def advance_study(study: int, n_steps: int) -> None:
             s.counts[CERTAIN] = 0
             for c in range(contacts):  # blocks before may have touched what was out of reach
                 w.watch[c] = 1
-        phase = r.counts[PHASE]
+        phase = out.counts[PHASE]
         some = int(np.int64(1))
         if count > 1 and (ledger or fingered or contacts == 1):
             divided_step(study, done * count)
@@ -167,12 +162,12 @@ def advance_study(study: int, n_steps: int) -> None:
             weighed_step(study, r.whole, r.stepping, done, phase)
         elif count > 1:
             some = min(n_steps - done, every - phase)
-            if some > 8 or r.counts[STEPS] % _CERTIFY_STEPS == 0:
+            if some > 8 or out.counts[STEPS] % _CERTIFY_STEPS == 0:
                 certify_watch(study)
             record = r.records[phase : phase + some]
-            status = advance_substepped(r.whole, r.part, r.state, r.parting, count, r.counts[DIVIDE : DIVIDE + 1], record)
+            status = advance_substepped(r.whole, r.part, r.state, r.parting, count, out.counts[DIVIDE : DIVIDE + 1], record)
             if status != SOLVED:
-                r.counts[BAD_STEPS] += 1
+                out.counts[BAD_STEPS] += 1
         else:
             some = min(n_steps - done, every - phase)
             model = r.whole
@@ -183,25 +178,25 @@ def advance_study(study: int, n_steps: int) -> None:
                     model = r.lifted
             if moves or fingered:
                 w.watch[:] = 1
-            elif some > 8 or r.counts[STEPS] % _CERTIFY_STEPS == 0:
+            elif some > 8 or out.counts[STEPS] % _CERTIFY_STEPS == 0:
                 certify_watch(study)
             status = step_by_step(model, r.state, r.stepping, done, phase, some)
             if moves:
                 _risen(study, r.heights[done], r.heights[done + 1])
             if status != SOLVED:
-                r.counts[BAD_STEPS] += 1
+                out.counts[BAD_STEPS] += 1
         for t in range(some):
             touched = False
             for c in range(contacts):
                 if r.records[phase + t, c] > 0.0:
                     touched = True
             if touched:
-                r.counts[LAST_CONTACT] = r.counts[STEPS] + t + 1
-                r.counts[CONTACT_STEPS] += 1
+                out.counts[LAST_CONTACT] = out.counts[STEPS] + t + 1
+                out.counts[CONTACT_STEPS] += 1
         done += some
-        r.counts[STEPS] += some
-        r.counts[PHASE] += some
-        if r.counts[PHASE] == every:
+        out.counts[STEPS] += some
+        out.counts[PHASE] += some
+        if out.counts[PHASE] == every:
             write_output(study)
 
 
@@ -213,13 +208,13 @@ def _run_blocks(study: int, n_steps: int, parts: int) -> int:
     call goes on to a row at the latest and row and block must begin together; where they are not, the kernel gives what
     belongs into a row at every step.
     """
-    r = run_tables(study)
-    every, contacts, points = r.records.shape[0], r.records.shape[1], r.u.shape[1]
-    phase = r.counts[PHASE]
+    r, out = run_tables(study), results_of(study)
+    every, contacts, points = r.records.shape[0], r.records.shape[1], out.u.shape[1]
+    phase = out.counts[PHASE]
     apart = every * parts % BLOCK == 0
     if apart and phase * parts % BLOCK != 0:
         return 0
-    most = min(n_steps, (r.u.shape[0] - r.counts[ROW]) * every - phase)
+    most = min(n_steps, (out.u.shape[0] - out.counts[ROW]) * every - phase)
     if apart:
         most = min(most, every - phase)
     blocks = min(BLOCKS, most * parts // BLOCK)
@@ -235,7 +230,7 @@ def _run_blocks(study: int, n_steps: int, parts: int) -> int:
     else:
         status = advance(r.watched, r.state, r.watching, steps, carried)
     if status != SOLVED:
-        r.counts[BAD_STEPS] += 1
+        out.counts[BAD_STEPS] += 1
     force = w.record
     for t in range(steps // parts):
         last = (t + 1) * parts - 1
@@ -244,22 +239,22 @@ def _run_blocks(study: int, n_steps: int, parts: int) -> int:
             total = 0.0
             for k in range(t * parts, last + 1):
                 total += force[k * contacts + c]
-            r.records[r.counts[PHASE], c] = total / parts
+            r.records[out.counts[PHASE], c] = total / parts
             touched = touched or total > 0.0
-        r.counts[STEPS] += 1
-        r.counts[PHASE] += 1
+        out.counts[STEPS] += 1
+        out.counts[PHASE] += 1
         if touched:
-            r.counts[LAST_CONTACT] = r.counts[STEPS]
-            r.counts[CONTACT_STEPS] += 1
-        if r.counts[PHASE] == every:
+            out.counts[LAST_CONTACT] = out.counts[STEPS]
+            out.counts[CONTACT_STEPS] += 1
+        if out.counts[PHASE] == every:
             if apart:
                 write_output(study)
             else:
-                row = r.counts[ROW]
+                row = out.counts[ROW]
                 for p in range(points):
-                    r.u[row, p] = w.out[p * steps + last]
+                    out.u[row, p] = w.out[p * steps + last]
                 for c in range(contacts):
-                    r.contact_u[row, c] = w.contact_u[last * contacts + c]
+                    out.contact_u[row, c] = w.contact_u[last * contacts + c]
                 _close_row(study)
     return steps // parts
 
@@ -267,13 +262,13 @@ def _run_blocks(study: int, n_steps: int, parts: int) -> int:
 @njit(**INNER)
 def divided_step(study: int, begin: int) -> None:
     """One step, in parts where `substeps` says so or a finger is on, which is at path[begin]; weighed if asked for."""
-    r = run_tables(study)
+    r, out = run_tables(study), results_of(study)
     m, s, w = string_model(r.whole), string_state(r.state), scratch_of(r.stepping)
-    phase, count, contacts, q = r.counts[PHASE], r.parts, m.shapes.shape[0], s.q[: m.modes]
-    ledger = r.energy.shape[0] > 0
+    phase, count, contacts, q = out.counts[PHASE], r.part_records.shape[0], m.shapes.shape[0], s.q[: m.modes]
+    ledger = out.energy.shape[0] > 0
     w.watch[:] = 1
     after = w.after[:contacts]
-    whole = s.finger[0].on == 0 and contacts > 1 and r.counts[DIVIDE] == 0
+    whole = s.finger[0].on == 0 and contacts > 1 and out.counts[DIVIDE] == 0
     if whole and clear_step(r.whole, r.state, r.stepping):
         weighed_step(study, r.whole, r.stepping, begin, phase)
     else:
@@ -283,7 +278,7 @@ def divided_step(study: int, begin: int) -> None:
             else:
                 status = step_by_step(r.part, r.state, r.parting, begin + k, k, int(np.int64(1)))
                 if status != SOLVED:
-                    r.counts[BAD_STEPS] += 1
+                    out.counts[BAD_STEPS] += 1
         for c in range(contacts):
             r.records[phase, c] = 0.0
             for k in range(count):
@@ -292,7 +287,7 @@ def divided_step(study: int, begin: int) -> None:
     touched = False
     for c in range(contacts):
         touched = touched or r.records[phase, c] > 0.0
-    r.counts[DIVIDE] = 1 if touched or arriving(contacts, s.eta, s.u, after) else 0
+    out.counts[DIVIDE] = 1 if touched or arriving(contacts, s.eta, s.u, after) else 0
     put(s.u, after)
 
 
@@ -339,7 +334,7 @@ def _risen(study: int, before: float, after: float) -> None:
 @njit(**INNER)
 def weighed_step(study: int, model: int, scratch: int, begin: int, at: int) -> None:
     """One step with its place in the energy ledger; heights from number `begin` on, forces to row `at` of the record."""
-    r = run_tables(study)
+    r, out = run_tables(study), results_of(study)
     m, s = string_model(model), string_state(r.state)
     n, contacts = m.modes, m.shapes.shape[0]
     omega, gain, factor = m.omega[:n], m.rows[5, :n], r.factor
@@ -359,7 +354,7 @@ def weighed_step(study: int, model: int, scratch: int, begin: int, at: int) -> N
     if moves:
         _risen(study, r.heights[begin], r.heights[begin + 1])
     if status != SOLVED:
-        r.counts[BAD_STEPS] += 1
+        out.counts[BAD_STEPS] += 1
     worked = 0.0
     injected = 0.0  # by the finger
     lifted = 0.0  # by the obstacle
@@ -372,7 +367,7 @@ def weighed_step(study: int, model: int, scratch: int, begin: int, at: int) -> N
         depth = s.eta[c] - after
         for d in range(contacts):
             depth -= m.residual[c, d] * s.force[d]
-        r.sums[PENETRATION] = max(r.sums[PENETRATION], depth - _softness(m, c))
+        out.sums[PENETRATION] = max(out.sums[PENETRATION], depth - _softness(m, c))
         strength = s.force[c]
         if strength > 0.0:
             if moves:
@@ -390,7 +385,7 @@ def weighed_step(study: int, model: int, scratch: int, begin: int, at: int) -> N
             injected = impulse_work(weights, gain, omega, factor, m.mu, m.dt, before_q, w_free, v, push)
     after_stored = stored(m.law, omega, factor, m.mu, m.dt, q, v)
     after_spring = spring(m.residual, s.force) + held_by_layers(model, r.state)
-    sums = r.sums
+    sums = out.sums
     rise = after_stored + after_spring - sums[STORED] - sums[SPRING] - injected - lifted
     viscous = sums[STORED] - after_stored + worked + injected
     contact = lifted - worked - (after_spring - sums[SPRING])

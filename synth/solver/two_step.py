@@ -18,19 +18,19 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
 
+from synth.native.arrays import allocate
 from synth.solver import quadratisation, sav
 from synth.solver.compliant import newton, newton_one
 from synth.solver.energy import filter_factor, stored
 from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN_FILTERED, coefficients
 from synth.solver.penalty import force as law_force
 from synth.solver.penalty import potential
-from synth.solver.problem import Outcome, Problem, kept_array
+from synth.solver.problem import Outcome, Problem, Results, kept_array
 from synth.solver.stepwise import fly, push_modes
 from synth.solver.vectors import FAST, dot
 
@@ -44,13 +44,14 @@ METHODS: dict[str, int] = {
     "scalar-auxiliary-variable": SCALAR,
 }
 
-# places in TwoStepState.sums and TwoStepState.counts
+# places in Results.sums and Results.counts
 _STORED, _POTENTIAL, _VISCOUS, _CONTACT, _INITIAL, _RISE, _DEPTH, _DRIFT, _LEAST_FORCE = range(9)
+_SUMS = 9
 _STEPS, _ROW, _PHASE, _LAST, _TOUCHED, _UNSOLVED, _ITERATIONS, _MOST = range(8)
+_COUNTS = 8
 
 
-@dataclass(frozen=True)
-class Law:
+class Law(NamedTuple):
     """A compliant contact and how it is solved."""
 
     stiffness: float  # K [N/m^α] of a point
@@ -65,12 +66,7 @@ class TwoStepModel(NamedTuple):
     """What does not change over a run: N modes, C contacts, P outputs, M nodes of the full grid (0: contacts only)."""
 
     method: int
-    stiffness: float
-    exponent: float
-    loss: float
-    tolerance: float
-    iterations: int
-    correction: float
+    law: Law
     dt: float
     mu: float
     omega: np.ndarray  # (N,)
@@ -94,13 +90,8 @@ class TwoStepState(NamedTuple):
     now: np.ndarray  # (C,) gⁿ
     force: np.ndarray  # (C,) of the last step
     psi: np.ndarray  # (C,) or (1,)
-    sums: np.ndarray
-    counts: np.ndarray  # int64
     totals: np.ndarray  # (C,) forces since the last row
-    u: np.ndarray  # (n, P) out
-    contact_u: np.ndarray  # (n, C) out
-    contact_force: np.ndarray  # (n, C) out
-    energy: np.ndarray  # (n or 0, 5) out
+    results: Results
     old_w: np.ndarray  # (N,)
     modal: np.ndarray  # (N,)
     work: np.ndarray  # (8, C)
@@ -136,8 +127,8 @@ def _held(model: TwoStepModel, state: TwoStepState) -> float:
     total = 0.0
     if model.method == NEWTON:
         for c in range(model.eta.size):
-            total += 0.5 * potential(model.stiffness, model.exponent, state.before[c])
-            total += 0.5 * potential(model.stiffness, model.exponent, state.now[c])
+            total += 0.5 * potential(model.law.stiffness, model.law.exponent, state.before[c])
+            total += 0.5 * potential(model.law.stiffness, model.law.exponent, state.now[c])
     else:
         for c in range(state.psi.size):
             total += 0.5 * state.psi[c] * state.psi[c]
@@ -146,29 +137,28 @@ def _held(model: TwoStepModel, state: TwoStepState) -> float:
 
 @njit(cache=True, nogil=True)
 def _write_row(model: TwoStepModel, state: TwoStepState) -> None:
-    row, steps = state.counts[_ROW], state.counts[_PHASE]
+    u, contact_u, contact_force, energy, sums, counts = state.results
+    row, steps = counts[_ROW], counts[_PHASE]
     for p in range(model.out_shapes.shape[0]):
-        state.u[row, p] = dot(model.out_shapes[p], state.q)
+        u[row, p] = dot(model.out_shapes[p], state.q)
     for c in range(model.eta.size):
-        state.contact_u[row, c] = model.eta[c] - state.now[c]
-        state.contact_force[row, c] = state.totals[c] / steps if steps > 0 else state.force[c]
+        contact_u[row, c] = model.eta[c] - state.now[c]
+        contact_force[row, c] = state.totals[c] / steps if steps > 0 else state.force[c]
         state.totals[c] = 0.0
-    if state.energy.shape[0] > 0:
-        state.energy[row, 0] = state.sums[_STORED]
-        state.energy[row, 1] = state.sums[_POTENTIAL]
-        state.energy[row, 2] = state.sums[_VISCOUS]
-        state.energy[row, 3] = state.sums[_CONTACT]
-    state.counts[_ROW] = row + 1
-    state.counts[_PHASE] = 0
+    if energy.shape[0] > 0:
+        for k in range(4):  # _STORED, _POTENTIAL, _VISCOUS, _CONTACT
+            energy[row, k] = sums[k]
+    counts[_ROW] = row + 1
+    counts[_PHASE] = 0
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
 def _advance_one(model: TwoStepModel, state: TwoStepState, n_steps: int, every: int) -> None:
     """`_advance` with one contact and no ledger: scalars, and the force of a step enters in the pass of the next."""
     coef, eta, matrix, dt = model.coef, model.eta[0], model.compliance, model.dt
-    method, stiffness, exponent, loss = model.method, model.stiffness, model.exponent, model.loss
-    tolerance, iterations, correction = model.tolerance, model.iterations, model.correction
-    q, w, sums, counts, psi, work = state.q, state.w, state.sums, state.counts, state.psi, state.work
+    method = model.method
+    stiffness, exponent, loss, tolerance, iterations, correction = model.law
+    q, w, psi, work, sums, counts = state.q, state.w, state.psi, state.work, state.results.sums, state.results.counts
     n = q.size
     p11, p12, p21, p22, kq, kw = coef[0, :n], coef[1, :n], coef[2, :n], coef[3, :n], coef[4, :n], coef[5, :n]
     shape, factor = model.shapes[0, :n], state.matrix
@@ -254,12 +244,12 @@ def _advance(model: TwoStepModel, state: TwoStepState, n_steps: int, every: int)
     contacts, nodes = model.eta.size, model.grid.shape[0]
     coef, shapes, eta, compliance, dt = model.coef, model.shapes, model.eta, model.compliance, model.dt
     q, w, before, now, force, totals = state.q, state.w, state.before, state.now, state.force, state.totals
-    sums, counts, psi, work, matrix = state.sums, state.counts, state.psi, state.work, state.matrix
+    sums, counts, psi, work, matrix = state.results.sums, state.results.counts, state.psi, state.work, state.matrix
     b, drag, r, gradient = work[5], work[6], work[7], work[0]
-    method, stiffness, exponent, loss = model.method, model.stiffness, model.exponent, model.loss
-    tolerance, iterations, correction = model.tolerance, model.iterations, model.correction
+    method = model.method
+    stiffness, exponent, loss, tolerance, iterations, correction = model.law
     kq, kw = coef[4, : q.size], coef[5, : q.size]
-    ledger = state.energy.shape[0] > 0
+    ledger = state.results.energy.shape[0] > 0
     for _ in range(n_steps):
         if ledger:
             state.old_w[:] = w
@@ -340,7 +330,7 @@ def _advance(model: TwoStepModel, state: TwoStepState, n_steps: int, every: int)
 @njit(cache=True, nogil=True)
 def _weigh(model: TwoStepModel, state: TwoStepState, worked: float) -> None:
     """A step's place in the ledger; losses are computed from their own formulas, not from what is missing."""
-    sums = state.sums
+    sums = state.results.sums
     now = stored(MOREAU_JEAN_FILTERED, model.omega, model.factor, model.mu, model.dt, state.q, state.w)
     held = _held(model, state)
     if sums[_INITIAL] > 0.0:
@@ -371,8 +361,7 @@ def make_model(
         grid = np.ascontiguousarray(grid, dtype=np.float64)
         shapes = np.ascontiguousarray(grid[nodes])
     return TwoStepModel(
-        METHODS[method], law.stiffness, law.exponent, law.loss, law.tolerance, law.iterations, law.correction,
-        problem.dt, problem.mu, omega, 2.0 * filter_ / (1.0 + e),
+        METHODS[method], law, problem.dt, problem.mu, omega, 2.0 * filter_ / (1.0 + e),
         -problem.mu * np.expm1(-2.0 * sigma * problem.dt) / filter_, coef, shapes,
         problem.dt * (shapes * coef[4]) @ shapes.T, eta, out_shapes, grid, np.asarray(nodes, dtype=np.int64),
     )  # fmt: skip
@@ -381,9 +370,10 @@ def make_model(
 def start(problem: Problem, model: TwoStepModel, ledger: bool) -> TwoStepState:
     """A run after its first step, rows 0 (and 1) written; f⁰ of row 0 is K [g⁰]₊^α."""
     n, contacts = model.omega.size, model.eta.size
-    k, alpha = model.stiffness, model.exponent
+    k, alpha, loss, tolerance, iterations, _ = model.law
     q0, v0 = (np.array(a, dtype=np.float64) for a in (problem.q, problem.v))
     rows = problem.steps // problem.every + 1
+    sizes = {"rows": rows, "contact_rows": rows, "points": model.out_shapes.shape[0], "contacts": contacts}
     state = TwoStepState(
         q=q0.copy(),
         w=np.zeros(n),
@@ -391,13 +381,8 @@ def start(problem: Problem, model: TwoStepModel, ledger: bool) -> TwoStepState:
         now=model.eta - model.shapes @ q0,
         force=np.zeros(contacts),
         psi=np.zeros(0 if model.method == NEWTON else contacts if model.method == QUADRATISED else 1),
-        sums=np.zeros(9),
-        counts=np.zeros(8, np.int64),
         totals=np.zeros(contacts),
-        u=np.zeros((rows, model.out_shapes.shape[0])),
-        contact_u=np.zeros((rows, contacts)),
-        contact_force=np.zeros((rows, contacts)),
-        energy=np.zeros((rows if ledger else 0, 5)),
+        results=allocate(Results, sizes | {"weighed": rows if ledger else 0, "sums": _SUMS, "counts": _COUNTS}),
         old_w=np.zeros(n),
         modal=np.zeros(n),
         work=np.zeros((8, contacts)),
@@ -409,14 +394,12 @@ def start(problem: Problem, model: TwoStepModel, ledger: bool) -> TwoStepState:
     free = hold[0] * q0 + hold[1] * v0
     b = model.eta - model.shapes @ free - state.before
     compliance = (model.shapes * hold[4]) @ model.shapes.T
-    drag = model.loss * state.force / model.dt
-    held, r = np.zeros(contacts), np.zeros(contacts)
-    state.counts[_LAST] = -1
+    drag = loss * state.force / model.dt
+    held, r, sums, counts = np.zeros(contacts), np.zeros(contacts), state.results.sums, state.results.counts
+    counts[_LAST] = -1
     if contacts:
-        done = newton(
-            k, alpha, compliance, drag, state.before, b, held, r, model.tolerance, model.iterations, state.work, state.matrix
-        )
-        state.counts[_UNSOLVED] += done < 0
+        done = newton(k, alpha, compliance, drag, state.before, b, held, r, tolerance, iterations, state.work, state.matrix)
+        counts[_UNSOLVED] += done < 0
         state.now[:] = state.before + b - compliance @ held
     state.q[:] = free + hold[4] * (held @ model.shapes)
     state.w[:] = (state.q - q0) / model.dt
@@ -425,13 +408,12 @@ def start(problem: Problem, model: TwoStepModel, ledger: bool) -> TwoStepState:
         state.psi[:] = np.sqrt(mean)
     elif model.method == SCALAR:
         state.psi[0] = math.sqrt(math.fsum(mean))
-    sums = state.sums
     sums[_STORED] = stored(MOREAU_JEAN_FILTERED, model.omega, model.factor, model.mu, model.dt, state.q, state.w)
     sums[_POTENTIAL] = _held(model, state)
     sums[_INITIAL] = sums[_STORED] + sums[_POTENTIAL]
     sums[_DEPTH] = max((*state.before, *state.now), default=0.0)
     if np.any(held != 0.0):
-        state.counts[_LAST] = state.counts[_TOUCHED] = 1
+        counts[_LAST] = counts[_TOUCHED] = 1
     # row 0 shows the start itself, the ledger the first half step
     later = state.q.copy(), state.now.copy()
     state.q[:], state.now[:] = q0, state.before
@@ -439,7 +421,7 @@ def start(problem: Problem, model: TwoStepModel, ledger: bool) -> TwoStepState:
     state.q[:], state.now[:] = later
     state.force[:] = held
     state.totals[:] = held
-    state.counts[_STEPS] = state.counts[_PHASE] = 1
+    counts[_STEPS] = counts[_PHASE] = 1
     if problem.every == 1:
         _write_row(model, state)
     return state
@@ -456,7 +438,7 @@ def resume(problem: Problem, model: TwoStepModel, ledger: bool, kept: Mapping[st
     for name in _CARRIED:
         array = getattr(state, name)
         array[:] = kept_array(kept, name, array.shape)
-    sums, counts = state.sums, state.counts
+    sums, counts = state.results.sums, state.results.counts
     sums[:], counts[:] = 0.0, 0
     if ledger and "sums" in kept:
         for place in (_STORED, _POTENTIAL, _VISCOUS, _CONTACT, _INITIAL):
@@ -469,7 +451,7 @@ def resume(problem: Problem, model: TwoStepModel, ledger: bool, kept: Mapping[st
     counts[_STEPS], counts[_LAST] = first, first if np.any(state.force != 0.0) else -1
     state.totals[:] = 0.0
     _write_row(model, state)
-    state.contact_force[0] = kept_array(kept, "row_force", state.force.shape)
+    state.results.contact_force[0] = kept_array(kept, "row_force", state.force.shape)
     return state
 
 
@@ -482,13 +464,13 @@ def solve(
     advance(model, state, 0, problem.every)  # compiles
     last = first + problem.steps // problem.every * problem.every
     started = time.perf_counter()
-    advance(model, state, max(0, last - int(state.counts[_STEPS])), problem.every)
+    advance(model, state, max(0, last - int(state.results.counts[_STEPS])), problem.every)
     seconds = time.perf_counter() - started
-    sums, counts = state.sums, state.counts
+    sums, counts = state.results.sums, state.results.counts
     notes: dict[str, Any] = {
-        "stiffness": model.stiffness,
-        "exponent": model.exponent,
-        "loss": model.loss,
+        "stiffness": model.law.stiffness,
+        "exponent": model.law.exponent,
+        "loss": model.law.loss,
         "largest_adhesion_n": max(0.0, -float(sums[_LEAST_FORCE])),
     }
     if model.method == NEWTON:
@@ -502,10 +484,10 @@ def solve(
     if ledger:
         notes["initial_energy_j"] = float(sums[_INITIAL])
     return Outcome(
-        u=state.u,
-        contact_u=state.contact_u,
-        contact_force=state.contact_force,
-        energy=state.energy if ledger else None,
+        u=state.results.u,
+        contact_u=state.results.contact_u,
+        contact_force=state.results.contact_force,
+        energy=state.results.energy if ledger else None,
         largest_penetration_m=float(sums[_DEPTH]),
         largest_energy_rise=float(sums[_RISE]) if ledger else float("nan"),
         last_contact_step=int(counts[_LAST]),
@@ -514,6 +496,6 @@ def solve(
         seconds=seconds,
         notes=notes,
         state={name: np.array(getattr(state, name)) for name in _CARRIED}
-        | {"row_force": state.contact_force[-1].copy()}
+        | {"row_force": state.results.contact_force[-1].copy()}
         | ({"sums": sums.copy()} if ledger else {}),
     )

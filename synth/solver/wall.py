@@ -30,10 +30,11 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from synth.native.arrays import allocate
 from synth.solver.clearance import FREE, Clearance, attend, clear_for, forget, make_clearance
 from synth.solver.energy import stored
 from synth.solver.laws import EXACT_HOLD, coefficients
-from synth.solver.problem import Problem, kept_array
+from synth.solver.problem import Problem, Results, kept_array
 from synth.solver.propagators import Flights, flown, hop, largest, make_flights
 from synth.solver.sine import Sine, make_sine, transform
 from synth.solver.stepwise import fly
@@ -43,10 +44,10 @@ from synth.solver.vectors import FAST, dot
 LARGEST_ANGLE = 2.0
 #: steps that must be clear before instants further off are looked at
 _FAR = 2
-# places in WallRun.sums
+# places in Results.sums
 STORED, HELD, VISCOUS, LOST, PENETRATION, RISE, START = 0, 1, 2, 3, 4, 5, 6
 _SUMS = 7
-# places in WallRun.counts
+# places in Results.counts
 LAST, TOUCHED, LOOKED, HOLDING, PUSHED, AT, SHORTER, EXIT = 0, 1, 2, 3, 4, 5, 6, 7
 _COUNTS = 8
 
@@ -70,19 +71,14 @@ class Wall(NamedTuple):
 
 
 class WallRun(NamedTuple):
-    """State and results; n rows, every M steps."""
+    """State and results."""
 
     q: np.ndarray  # (N,)
     v: np.ndarray  # (N,)
     touching: np.ndarray  # (C,) uint8
     account: np.ndarray  # (C,) [m²/s²] energy taken from the string, over μΔx
     impulse: np.ndarray  # (C,) [N s] since the row before
-    u: np.ndarray  # (n, P)
-    contact_u: np.ndarray  # (n, C), or (0, C)
-    contact_force: np.ndarray  # (n, C), or (0, C)
-    energy: np.ndarray  # (n, 5), or (0, 5)
-    sums: np.ndarray  # float64
-    counts: np.ndarray  # int64
+    results: Results
     nodes: np.ndarray  # (5, N) sine transforms of q and v when last looked at, and work space
     gaps: np.ndarray  # (2, C)
     ahead: np.ndarray  # (4, N) q, v of two instants further off
@@ -204,9 +200,9 @@ def _gaps(wall: Wall, displacement, gap) -> float:
 @njit(cache=True, nogil=True)
 def _weigh(wall: Wall, run: WallRun, q, v) -> None:
     """What has been lost to damping since energy was last weighed."""
-    flown_to = stored(EXACT_HOLD, wall.omega, wall.omega, wall.mu, wall.dt, q, v)
-    run.sums[VISCOUS] += run.sums[STORED] - flown_to
-    run.sums[STORED] = flown_to
+    sums, flown_to = run.results.sums, stored(EXACT_HOLD, wall.omega, wall.omega, wall.mu, wall.dt, q, v)
+    sums[VISCOUS] += sums[STORED] - flown_to
+    sums[STORED] = flown_to
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
@@ -240,31 +236,31 @@ def _fly_contact_rows(wall: Wall, coef, q, v, u, contact_u, work) -> None:
 @njit(cache=True, nogil=True)
 def _write(wall: Wall, run: WallRun, row: int, rows: int, every: int, q, v) -> None:
     """So many rows, the first of the state q, v, the rest of free flight from it; impulses enter the first."""
-    u = run.u[row : row + rows]
-    if run.contact_u.shape[0] > 0:
-        _fly_contact_rows(wall, run.row_coef, q, v, u, run.contact_u[row : row + rows], run.ahead)
+    u = run.results.u[row : row + rows]
+    if run.results.contact_u.shape[0] > 0:
+        _fly_contact_rows(wall, run.row_coef, q, v, u, run.results.contact_u[row : row + rows], run.ahead)
     else:
         _fly_rows(run.row_coef, wall.out_shapes, q, v, u)
-    if run.counts[PUSHED] and run.contact_force.shape[0] > 0:
-        run.counts[PUSHED] = 0
+    if run.results.counts[PUSHED] and run.results.contact_force.shape[0] > 0:
+        run.results.counts[PUSHED] = 0
         for c in range(wall.eta.size):
-            run.contact_force[row, c] = run.impulse[c] / (every * wall.dt)
+            run.results.contact_force[row, c] = run.impulse[c] / (every * wall.dt)
             run.impulse[c] = 0.0
-    if run.energy.shape[0] > 0:
+    if run.results.energy.shape[0] > 0:
         for k in range(4):
-            run.energy[row, k] = run.sums[k]
+            run.results.energy[row, k] = run.results.sums[k]
 
 
 @njit(cache=True, nogil=True)
 def _rows(wall: Wall, run: WallRun, every: int, until: int) -> None:
     """The rows that are due up to step `until`, between which and the last impulse the string flew free."""
-    at, q, v = run.counts[AT], run.row[0], run.row[1]
+    at, q, v = run.results.counts[AT], run.row[0], run.row[1]
     following = (at // every + 1) * every
     if following > until:
         return
     hop(wall.flights, following - at, q, v)
     first, rows = following // every, (until - following) // every + 1
-    if run.energy.shape[0] > 0:
+    if run.results.energy.shape[0] > 0:
         for row in range(first, first + rows):
             if row > first:
                 fly(run.row_coef, q, v)
@@ -272,22 +268,22 @@ def _rows(wall: Wall, run: WallRun, every: int, until: int) -> None:
             _write(wall, run, row, 1, every, q, v)
     else:
         _write(wall, run, first, rows, every, q, v)
-    run.counts[AT] = (first + rows - 1) * every
+    run.results.counts[AT] = (first + rows - 1) * every
 
 
 @njit(cache=True, nogil=True)
 def _strike(wall: Wall, run: WallRun) -> bool:
     """Impulses of one instant, gaps (C,) and node velocities at hand; False: there were none."""
     change, spare, kick, w = run.nodes[2], run.nodes[3], run.nodes[4], run.nodes[1]
-    hit, holding, mass = False, 0, wall.mu * wall.spacing
+    hit, holding, mass, sums = False, 0, wall.mu * wall.spacing, run.results.sums
     for c in range(wall.eta.size):
         i = wall.first + c
         speed = wall.scale * w[i]
         after, touching, account, lost = after_contact(
             run.gaps[0, c], speed, run.touching[c], run.account[c], wall.kappa, wall.restitution, wall.dt
         )
-        run.sums[LOST] += mass * lost
-        run.sums[HELD] += mass * (account - run.account[c])
+        sums[LOST] += mass * lost
+        sums[HELD] += mass * (account - run.account[c])
         run.touching[c] = touching
         run.account[c] = account
         holding += touching
@@ -295,7 +291,7 @@ def _strike(wall: Wall, run: WallRun) -> bool:
             hit = True
             change[i] = after - speed
             run.impulse[c] += mass * (after - speed)
-    run.counts[HOLDING] = holding
+    run.results.counts[HOLDING] = holding
     if hit:
         w[:] = 0.0
         transform(wall.tables, change, w, kick, spare)
@@ -309,12 +305,12 @@ def _strike(wall: Wall, run: WallRun) -> bool:
 @njit(cache=True, nogil=True)
 def touch(wall: Wall, run: WallRun, step: int, every: int) -> int:
     """Impulses of one instant; returns for how many steps from here nothing can be touched."""
-    u, w, gap, sums = run.nodes[0], run.nodes[1], run.gaps[0], run.sums
+    u, w, gap, sums, counts = run.nodes[0], run.nodes[1], run.gaps[0], run.results.sums, run.results.counts
     transform(wall.tables, run.q, run.v, u, w)
-    run.counts[LOOKED] += 1
+    counts[LOOKED] += 1
     least = _gaps(wall, u, gap)
     sums[PENETRATION] = max(sums[PENETRATION], -least)
-    engaged = run.counts[HOLDING] > 0
+    engaged = counts[HOLDING] > 0
     if wall.kappa >= 0.0:
         engaged = engaged or least < 0.0
     else:
@@ -322,19 +318,19 @@ def touch(wall: Wall, run: WallRun, step: int, every: int) -> int:
             speed = wall.scale * w[wall.first + c]
             engaged = engaged or (speed < 0.0 and gap[c] + 0.5 * wall.dt * speed <= 0.0)
     if engaged:
-        ledger = run.energy.shape[0] > 0
+        ledger = run.results.energy.shape[0] > 0
         _rows(wall, run, every, step - 1)
         whole = sums[STORED] + sums[HELD]
         if ledger:
             _weigh(wall, run, run.q, run.v)
         hit = _strike(wall, run)
         if hit:
-            run.counts[LAST] = step
-            run.counts[TOUCHED] += 1
-            run.counts[PUSHED] = 1
+            counts[LAST] = step
+            counts[TOUCHED] += 1
+            counts[PUSHED] = 1
             run.row[0] = run.q
             run.row[1] = run.v
-            run.counts[AT] = step
+            counts[AT] = step
             forget(run.clearance)
         if ledger:
             sums[STORED] = stored(EXACT_HOLD, wall.omega, wall.omega, wall.mu, wall.dt, run.q, run.v)
@@ -342,7 +338,7 @@ def touch(wall: Wall, run: WallRun, step: int, every: int) -> int:
                 sums[RISE] = max(sums[RISE], (sums[STORED] + sums[HELD] - whole) / sums[START])
         if hit and step % every == 0:
             _write(wall, run, step // every, 1, every, run.q, run.v)
-        if hit or run.counts[HOLDING] > 0:
+        if hit or counts[HOLDING] > 0:
             return 0
     attend(run.clearance, run.q, run.v)
     return max(0, clear_for(run.clearance, gap, least))
@@ -351,24 +347,24 @@ def touch(wall: Wall, run: WallRun, step: int, every: int) -> int:
 @njit(cache=True, nogil=True)
 def _look_ahead(wall: Wall, run: WallRun, clear: int, k: int):
     """Looks one and two strides k further off; flies to the furthest that is clear all the way; (steps, clear there)."""
-    stride = wall.flights.strides[k]
+    stride, sums = wall.flights.strides[k], run.results.sums
     q1, v1, q2, v2 = run.ahead[0], run.ahead[1], run.ahead[2], run.ahead[3]
     flown(wall.flights.coef[k], run.q, run.v, q1, v1)
     flown(wall.flights.coef[k], q1, v1, q2, v2)
     transform(wall.tables, q1, q2, run.nodes[0], run.nodes[1])
-    run.counts[LOOKED] += 2
+    run.results.counts[LOOKED] += 2
     least1, least2 = _gaps(wall, run.nodes[0], run.gaps[0]), _gaps(wall, run.nodes[1], run.gaps[1])
     clear1 = clear_for(run.clearance, run.gaps[0], least1)
     if clear1 < 0 or clear + clear1 < stride - 1:
         return 0, clear
-    run.sums[PENETRATION] = max(run.sums[PENETRATION], -least1)
+    sums[PENETRATION] = max(sums[PENETRATION], -least1)
     clear2 = clear_for(run.clearance, run.gaps[1], least2)
     if clear2 < 0 or clear1 + clear2 < stride - 1:
         run.q[:] = q1
         run.v[:] = v1
         attend(run.clearance, q1, v1)
         return stride, clear1
-    run.sums[PENETRATION] = max(run.sums[PENETRATION], -least2)
+    sums[PENETRATION] = max(sums[PENETRATION], -least2)
     run.q[:] = q2
     run.v[:] = v2
     attend(run.clearance, q2, v2)
@@ -378,7 +374,7 @@ def _look_ahead(wall: Wall, run: WallRun, clear: int, k: int):
 @njit(cache=True, nogil=True)
 def advance(wall: Wall, run: WallRun, steps: int, every: int) -> None:
     """All steps from t = 0 on, rows included; the energies of every flight are weighed where rows of them are wanted."""
-    sums, flights = run.sums, wall.flights
+    sums, counts, flights = run.results.sums, run.results.counts, wall.flights
     run.nodes[:] = 0.0
     run.row[0] = run.q
     run.row[1] = run.v
@@ -390,25 +386,25 @@ def advance(wall: Wall, run: WallRun, steps: int, every: int) -> None:
         if clear >= left:
             break
         if clear >= _FAR and clear < left // 2:
-            k = largest(flights, min(2 * clear + 1, left // 2)) - run.counts[SHORTER]
+            k = largest(flights, min(2 * clear + 1, left // 2)) - counts[SHORTER]
             if k > 0 and flights.strides[k] > clear + 1:
                 by, clear = _look_ahead(wall, run, clear, k)
                 step += by
                 if by < 2 * flights.strides[k]:
-                    run.counts[SHORTER] += 1
-                elif run.counts[SHORTER] > 0:
-                    run.counts[SHORTER] -= 1
+                    counts[SHORTER] += 1
+                elif counts[SHORTER] > 0:
+                    counts[SHORTER] -= 1
                 continue
-            run.counts[SHORTER] = 0
+            counts[SHORTER] = 0
         k = largest(flights, min(clear + 1, left))
         fly(flights.coef[k], run.q, run.v)
         step += flights.strides[k]
         clear = touch(wall, run, step, every)
     if run.clearance.counts[FREE]:
-        run.counts[EXIT] = step
+        counts[EXIT] = step
     _rows(wall, run, every, steps)
     hop(flights, steps - step, run.q, run.v)
-    if run.energy.shape[0] > 0:
+    if run.results.energy.shape[0] > 0:
         _weigh(wall, run, run.q, run.v)
 
 
@@ -428,7 +424,7 @@ def start_run(problem: Problem, wall: Wall, ledger: bool, contact_rows: bool = T
 def kept_of(run: WallRun) -> dict[str, np.ndarray]:
     """What `resume_run` goes on from: the run after its last step, which is a row."""
     return {"q": run.q.copy(), "v": run.v.copy(), "touching": run.touching.copy(), "account": run.account.copy(),
-            "sums": run.sums.copy()}  # fmt: skip
+            "sums": run.results.sums.copy()}  # fmt: skip
 
 
 def resume_run(
@@ -442,28 +438,27 @@ def resume_run(
     run = _make_run(problem._replace(q=q, v=v), wall, ledger, contact_rows)
     run.touching[:] = kept_array(kept, "touching", run.touching.shape) != 0
     run.account[:] = kept_array(kept, "account", run.account.shape)
-    run.counts[HOLDING] = np.count_nonzero(run.touching)
-    run.sums[HELD] = wall.mu * wall.spacing * run.account.sum()
+    run.results.counts[HOLDING] = np.count_nonzero(run.touching)
+    run.results.sums[HELD] = wall.mu * wall.spacing * run.account.sum()
     if ledger:
         for place in (VISCOUS, LOST):
-            run.sums[place] = kept_array(kept, "sums", run.sums.shape)[place]
+            run.results.sums[place] = kept_array(kept, "sums", run.results.sums.shape)[place]
     return run
 
 
 def _make_run(problem: Problem, wall: Wall, ledger: bool, contact_rows: bool) -> WallRun:
     rows, contacts, n = problem.steps // problem.every + 1, problem.eta.size, problem.omega.size
+    sizes = {
+        "rows": rows, "contact_rows": rows if contact_rows else 0, "weighed": rows if ledger else 0,
+        "points": problem.out_shapes.shape[0], "contacts": contacts, "sums": _SUMS, "counts": _COUNTS,
+    }  # fmt: skip
     run = WallRun(
         q=np.array(problem.q, dtype=np.float64),
         v=np.array(problem.v, dtype=np.float64),
         touching=np.zeros(contacts, np.uint8),
         account=np.zeros(contacts),
         impulse=np.zeros(contacts),
-        u=np.zeros((rows, problem.out_shapes.shape[0])),
-        contact_u=np.zeros((rows if contact_rows else 0, contacts)),
-        contact_force=np.zeros((rows if contact_rows else 0, contacts)),
-        energy=np.zeros((rows if ledger else 0, 5)),
-        sums=np.zeros(_SUMS),
-        counts=np.zeros(_COUNTS, np.int64),
+        results=allocate(Results, sizes),
         nodes=np.zeros((5, n)),
         gaps=np.zeros((2, contacts)),
         ahead=np.zeros((4, n)),
@@ -474,6 +469,6 @@ def _make_run(problem: Problem, wall: Wall, ledger: bool, contact_rows: bool) ->
             wall.first, wall.kappa < 0.0,
         ),
     )  # fmt: skip
-    run.sums[PENETRATION] = -np.inf
-    run.counts[LAST] = run.counts[EXIT] = -1
+    run.results.sums[PENETRATION] = -np.inf
+    run.results.counts[LAST] = run.results.counts[EXIT] = -1
     return run

@@ -132,8 +132,9 @@ def throw(law, modes, courant, restitution=0.0, compliance=False, duration=2.0):
     steps = round(duration / dt)
     state = driver.start_run(model, q, v, np.zeros(1), 1, steps + 1, True, False)
     driver.run(model, state, steps)
-    kept = state.energy[-1, :2].sum() / state.energy[0, 0]
-    return np.arange(steps + 1) * dt, state.u[:, 0], state.contact_force[:, 0], state.v[0] / np.sqrt(LENGTH), kept
+    u, _, force, energy, *_ = state.results
+    kept = energy[-1, :2].sum() / energy[0, 0]
+    return np.arange(steps + 1) * dt, u[:, 0], force[:, 0], state.v[0] / np.sqrt(LENGTH), kept
 
 
 SCHEMES = [

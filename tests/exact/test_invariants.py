@@ -87,7 +87,7 @@ def model(dt, modes, residual=True):
 def advanced(what, q, v, steps):
     run = driver.start_run(what, q, v, np.zeros(1), steps, 2, False, False)
     driver.run(what, run, steps)
-    return run.q.copy(), run.v.copy(), int(run.counts[driver.CONTACT_STEPS])
+    return run.q.copy(), run.v.copy(), int(run.results.counts[driver.CONTACT_STEPS])
 
 
 def test_exact_hold_goes_on_from_any_step():

@@ -306,13 +306,13 @@ def test_rows_in_the_middle_of_blocks(law):
             state = run(every, pieces)
             rows = slice(0, 240 // every * every + 1, every)
             for name in ("u", "contact_u"):
-                same(getattr(state, name), getattr(truth, name)[rows], 1e-10, f"{name}, every {every}")
-            mean = truth.contact_force[1 : 240 // every * every + 1].reshape(-1, every, 3).mean(axis=1)
+                same(getattr(state.results, name), getattr(truth.results, name)[rows], 1e-10, f"{name}, every {every}")
+            mean = truth.results.contact_force[1 : 240 // every * every + 1].reshape(-1, every, 3).mean(axis=1)
             if law == EXACT_HOLD:  # the first row of Moreau–Jean's exact start has no step of its own
-                same(state.contact_force[1:], mean, 1e-10, f"contact_force, every {every}")
-            assert state.counts[driver.CONTACT_STEPS] == truth.counts[driver.CONTACT_STEPS]
-            assert state.counts[driver.LAST_CONTACT] == truth.counts[driver.LAST_CONTACT]
-    assert truth.counts[driver.CONTACT_STEPS] > 5
+                same(state.results.contact_force[1:], mean, 1e-10, f"contact_force, every {every}")
+            assert state.results.counts[driver.CONTACT_STEPS] == truth.results.counts[driver.CONTACT_STEPS]
+            assert state.results.counts[driver.LAST_CONTACT] == truth.results.counts[driver.LAST_CONTACT]
+    assert truth.results.counts[driver.CONTACT_STEPS] > 5
 
 
 def test_leftovers_and_blocks_are_one_run():
@@ -335,9 +335,9 @@ def test_leftovers_and_blocks_are_one_run():
                 driver.run(model, state, n)
             runs.append(state)
         for name in ("u", "contact_u", "contact_force"):
-            same(getattr(runs[1], name), getattr(runs[0], name), 1e-9, f"{name}, seed {seed}")
-        assert runs[1].counts[driver.CONTACT_STEPS] == runs[0].counts[driver.CONTACT_STEPS]
-        acted += int(runs[0].counts[driver.CONTACT_STEPS])
+            same(getattr(runs[1].results, name), getattr(runs[0].results, name), 1e-9, f"{name}, seed {seed}")
+        assert runs[1].results.counts[driver.CONTACT_STEPS] == runs[0].results.counts[driver.CONTACT_STEPS]
+        acted += int(runs[0].results.counts[driver.CONTACT_STEPS])
     assert acted > 50, acted
 
 

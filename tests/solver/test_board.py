@@ -164,8 +164,8 @@ def test_it_is_the_wall_of_simulate(seed: int, modes: int) -> None:
     )
     other = wall.start_run(problem, model, ledger=False, contact_rows=False)
     wall.advance(model, other, steps, 1)
-    assert run.board.counts[STRUCK] == other.counts[wall.TOUCHED] > 0
-    assert np.abs(mine - other.u[1:, 0]).max() < 1e-9 * np.abs(mine).max()
+    assert run.board.counts[STRUCK] == other.results.counts[wall.TOUCHED] > 0
+    assert np.abs(mine - other.results.u[1:, 0]).max() < 1e-9 * np.abs(mine).max()
     assert np.abs(run.board.account[on] - other.account).max() < 1e-9 * max(1e-12, other.account.max())
 
 

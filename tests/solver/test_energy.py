@@ -74,19 +74,19 @@ def test_no_penetration_and_no_energy_from_nowhere(compliant):
     for _ in range(200):
         model, q, v = random_scene(rng, compliant)
         state = run(model, q, v, 300)
-        assert state.counts[driver.BAD_STEPS] == 0
-        assert state.sums[driver.PENETRATION] <= 1e-12
-        assert state.sums[driver.RISE] <= 1e-12
+        assert state.results.counts[driver.BAD_STEPS] == 0
+        assert state.results.sums[driver.PENETRATION] <= 1e-12
+        assert state.results.sums[driver.RISE] <= 1e-12
         # damping and contact each only ever take
-        assert state.sums[driver.LEAST_VISCOUS] >= -1e-12
-        assert state.sums[driver.LEAST_CONTACT] >= -1e-12
-        touched += state.counts[driver.CONTACT_STEPS] > 0
-        several += bool(np.any((state.contact_force > 0).sum(axis=1) > 1))
+        assert state.results.sums[driver.LEAST_VISCOUS] >= -1e-12
+        assert state.results.sums[driver.LEAST_CONTACT] >= -1e-12
+        touched += state.results.counts[driver.CONTACT_STEPS] > 0
+        several += bool(np.any((state.results.contact_force > 0).sum(axis=1) > 1))
         fast += model.omega[-1] * model.dt > 10.0
         # nothing is missing from the account
-        stored, spring, viscous, contact, injected = state.energy.T
+        stored, spring, viscous, contact, injected = state.results.energy.T
         np.testing.assert_allclose(stored + spring + viscous + contact, stored[0], rtol=1e-12)
-        assert np.all(injected == 0.0) and np.any(np.diff(state.energy[:, 2]) > 0)
+        assert np.all(injected == 0.0) and np.any(np.diff(state.results.energy[:, 2]) > 0)
     assert touched > 150 and several > 80 and fast > 60, (touched, several, fast)
 
 
@@ -113,7 +113,7 @@ def test_viscous_column_is_the_loss_integral():
             c = coefficients(EXACT_HOLD, model.omega, model.sigma, model.mu, part)
             speed = c[2] * states[0] + c[3] * states[1] + c[5] * f
             total += 0.5 * w * model.dt * 2.0 * model.mu * float(model.sigma @ speed**2)
-        assert state.energy[step + 1, 2] == pytest.approx(total, rel=1e-9)
+        assert state.results.energy[step + 1, 2] == pytest.approx(total, rel=1e-9)
     assert contacts > 3
 
 
@@ -132,7 +132,7 @@ def test_stored_energy_is_the_strings():
         string.linear_density_kg_m * speed**2 + string.tension_n * slope**2 + string.bending_stiffness_n_m2 * bend**2
     )
     model = build(string, 8, 1e-4, [0.5], [-1.0])
-    assert run(model, q, v, 1).energy[0, 0] == pytest.approx(expected, rel=1e-12)
+    assert run(model, q, v, 1).results.energy[0, 0] == pytest.approx(expected, rel=1e-12)
 
 
 def test_pressed_start_begins_from_the_static_contact():
@@ -153,8 +153,8 @@ def test_pressed_start_begins_from_the_static_contact():
             assert np.all(np.minimum(gap, force / max(force.max(), 1e-30)) <= 1e-9)
             # at equilibrium: the ledger sees no loss, no rise, and the forces stay
             state = run(model, q, np.zeros(modes), 100, force=force)
-            assert state.sums[driver.PENETRATION] <= 1e-12
-            assert state.sums[driver.RISE] <= 1e-12
+            assert state.results.sums[driver.PENETRATION] <= 1e-12
+            assert state.results.sums[driver.RISE] <= 1e-12
             assert np.abs(state.q - q).max() <= 1e-9 * np.abs(q).max()
 
 
@@ -184,26 +184,26 @@ def string_over_point(law, restitution, rate, modes):
 def test_filtered_form_keeps_its_energy_at_full_restitution(rate):
     model, q = string_over_point(MOREAU_JEAN_FILTERED, 1.0, rate, 60)
     state = run(model, q, np.zeros(60), 4000)
-    assert state.counts[driver.CONTACT_STEPS] > 50
-    assert state.sums[driver.RISE] <= 1e-12
+    assert state.results.counts[driver.CONTACT_STEPS] > 50
+    assert state.results.sums[driver.RISE] <= 1e-12
 
 
 def test_published_form_gains_energy_below_twice_its_modes():
     """The ledger can see it: modes above half the rate, and a step multiplies the energy."""
     model, q = string_over_point(MOREAU_JEAN, 0.0, 44100.0, 400)
     state = run(model, q, np.zeros(400), 2000)
-    assert state.sums[driver.RISE] > 0.01
+    assert state.results.sums[driver.RISE] > 0.01
 
 
 @pytest.mark.parametrize("law", [MOREAU_JEAN, MOREAU_JEAN_FILTERED])
 def test_moreau_jean_account_closes_and_tends_to_the_strings_energy(law):
     model, q = string_over_point(law, 0.0, 1e6, 20)
     state = run(model, q, np.zeros(20), 3000)
-    stored, _, viscous, contact, _ = state.energy.T
+    stored, _, viscous, contact, _ = state.results.energy.T
     np.testing.assert_allclose(stored + viscous + contact, stored[0], rtol=1e-11)
     energy = 0.5 * model.mu * float(np.sum((model.omega * q) ** 2))
     assert stored[0] == pytest.approx(energy, rel=1e-2)
-    assert state.counts[driver.CONTACT_STEPS] > 5
+    assert state.results.counts[driver.CONTACT_STEPS] > 5
 
 
 # --- fingers ----------------------------------------------------------------------------------------------------------
@@ -223,18 +223,18 @@ def test_what_a_finger_gives_is_what_the_string_has(law):
     path = distance * 0.5 * (1 - np.cos(np.pi * np.arange(steps + 1) / steps))
     finger = Finger(weights, coupling, own, 1e6, 1.0, path, np.zeros(2))
     state = driver.start_run(model, np.zeros(modes), np.zeros(modes), np.zeros(1), 1, 2 * steps + 1, True, False)
-    driver.run(model, state, steps - int(state.counts[driver.STEPS]), finger)
+    driver.run(model, state, steps - int(state.results.counts[driver.STEPS]), finger)
     # an ideal string's shape: the modes' own static compliance under these weights
     static = 0.5 * distance**2 / float(weights @ (weights / (model.mu * model.omega**2)))
-    stored = state.energy[steps - 1, 0]
+    stored = state.results.energy[steps - 1, 0]
     assert stored == pytest.approx(static, rel=0.02)
-    assert state.energy[steps - 1, 4] >= stored
+    assert state.results.energy[steps - 1, 4] >= stored
     driver.run(model, state, steps)
-    stored, spring, viscous, contact, injected = state.energy.T
+    stored, spring, viscous, contact, injected = state.results.energy.T
     np.testing.assert_allclose(stored + spring + viscous + contact, injected, atol=1e-11 * injected.max())
-    assert state.counts[driver.CONTACT_STEPS] > 10, "the freed string must reach the obstacle"
+    assert state.results.counts[driver.CONTACT_STEPS] > 10, "the freed string must reach the obstacle"
     if law == EXACT_HOLD:
-        assert state.sums[driver.RISE] <= 1e-12
+        assert state.results.sums[driver.RISE] <= 1e-12
 
 
 # --- the driver's own business ----------------------------------------------------------------------------------------
@@ -246,8 +246,8 @@ def test_ledger_and_blocks_do_not_change_the_motion():
     for _ in range(20):
         model, q, v = random_scene(rng, bool(rng.integers(2)))
         model = model.but(out_shapes=rng.normal(size=(2, model.omega.size)))
-        weighed = run(model, q, v, 480, ledger=True, every=24)
-        plain = run(model, q, v, 480, ledger=False, every=24)
+        weighed = run(model, q, v, 480, ledger=True, every=24).results
+        plain = run(model, q, v, 480, ledger=False, every=24).results
         for name in ("u", "contact_u", "contact_force"):
             expected = getattr(weighed, name)
             atol = 1e-10 * np.abs(expected).max()
@@ -261,6 +261,6 @@ def test_contact_force_is_the_mean_between_rows():
     model, q, v = random_scene(rng, False)
     fine = run(model, q, v, 400, every=1)
     coarse = run(model, q, v, 400, every=8)
-    assert np.any(fine.contact_force > 0)
-    means = fine.contact_force[1:].reshape(50, 8, -1).mean(axis=1)
-    np.testing.assert_allclose(coarse.contact_force[1:], means, rtol=1e-12)
+    assert np.any(fine.results.contact_force > 0)
+    means = fine.results.contact_force[1:].reshape(50, 8, -1).mean(axis=1)
+    np.testing.assert_allclose(coarse.results.contact_force[1:], means, rtol=1e-12)

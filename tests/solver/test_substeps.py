@@ -1,5 +1,7 @@
 """Contact forces that change K times a step: the plain scheme at K times the rate, its twin, and its energy."""
 
+from operator import attrgetter
+
 import numpy as np
 import pytest
 
@@ -58,11 +60,11 @@ def test_one_contact_is_the_plain_scheme_at_k_times_the_rate(count, points, ledg
         fine, _, _ = scene(np.random.default_rng(seed), 1, 1, rate_factor=count, points=points)
         divided = run(model, q, v, 60, ledger=ledger)
         plain = run(fine, q, v, 60 * count, every=count)
-        for name in ("u", "contact_u", "contact_force", "q", "v"):
-            expected = getattr(plain, name)
+        for name in ("results.u", "results.contact_u", "results.contact_force", "q", "v"):
+            expected = attrgetter(name)(plain)
             atol = 1e-10 * np.abs(expected).max()
-            np.testing.assert_allclose(getattr(divided, name), expected, rtol=0, atol=atol, err_msg=name)
-        touched += int(divided.counts[driver.CONTACT_STEPS])
+            np.testing.assert_allclose(attrgetter(name)(divided), expected, rtol=0, atol=atol, err_msg=name)
+        touched += int(divided.results.counts[driver.CONTACT_STEPS])
     assert touched > 30
 
 
@@ -73,10 +75,9 @@ def test_blocks_of_any_length_are_the_same_run(every):
     pieces = driver.start_run(model, q, v, np.zeros(1), every, 600 // every + 1, False, False)
     for n in (1, 2, 7, 90, 200, 300):
         driver.run(model, pieces, n)
-    np.testing.assert_allclose(pieces.u, whole.u, rtol=0, atol=1e-10 * np.abs(whole.u).max())
-    np.testing.assert_allclose(
-        pieces.contact_force, whole.contact_force, rtol=0, atol=1e-9 * np.abs(whole.contact_force).max()
-    )
+    np.testing.assert_allclose(pieces.results.u, whole.results.u, rtol=0, atol=1e-10 * np.abs(whole.results.u).max())
+    force = whole.results.contact_force
+    np.testing.assert_allclose(pieces.results.contact_force, force, rtol=0, atol=1e-9 * np.abs(force).max())
 
 
 @pytest.mark.parametrize("ledger", [False, True])
@@ -98,8 +99,8 @@ def test_several_contacts_against_the_twin(ledger):
             forces.append(means)
             whole += not divide
             touched += bool(np.any(means > 0.0))
-        np.testing.assert_allclose(state.u, u, rtol=0, atol=1e-9 * np.abs(u).max())
-        np.testing.assert_allclose(state.contact_force, forces, rtol=0, atol=1e-8 * np.abs(forces).max())
+        np.testing.assert_allclose(state.results.u, u, rtol=0, atol=1e-9 * np.abs(u).max())
+        np.testing.assert_allclose(state.results.contact_force, forces, rtol=0, atol=1e-8 * np.abs(forces).max())
     assert touched > 20 and whole > 20, (touched, whole)
 
 
@@ -116,7 +117,7 @@ def test_several_contacts_of_which_one_is_pressed_are_the_plain_scheme():
     for m, count in ((model, 1), (fine, 4)):
         state = driver.start_run(m, q, v, force, count, 41, False, False)
         driver.run(m, state, 40 * count)
-        runs.append(state)
+        runs.append(state.results)
     assert np.all(runs[0].contact_force[1:, 1] > 0.0)
     np.testing.assert_allclose(runs[0].u[1:], runs[1].u[1:], rtol=0, atol=1e-10 * np.abs(runs[1].u).max())
 
@@ -131,16 +132,16 @@ def test_no_penetration_and_no_energy_from_nowhere(compliant):
         contacts = 1 if number % 3 == 0 else int(rng.integers(2, 13))
         model, q, v = scene(rng, contacts, count, compliant=compliant)
         state = run(model, q, v, 150, ledger=True)
-        assert state.counts[driver.BAD_STEPS] == 0
-        assert state.sums[driver.PENETRATION] <= 1e-12
-        assert state.sums[driver.RISE] <= 1e-12
-        assert state.sums[driver.LEAST_VISCOUS] >= -1e-12
-        assert state.sums[driver.LEAST_CONTACT] >= -1e-12
-        stored, spring, viscous, contact, _ = state.energy.T
+        assert state.results.counts[driver.BAD_STEPS] == 0
+        assert state.results.sums[driver.PENETRATION] <= 1e-12
+        assert state.results.sums[driver.RISE] <= 1e-12
+        assert state.results.sums[driver.LEAST_VISCOUS] >= -1e-12
+        assert state.results.sums[driver.LEAST_CONTACT] >= -1e-12
+        stored, spring, viscous, contact, _ = state.results.energy.T
         np.testing.assert_allclose(stored + spring + viscous + contact, stored[0], rtol=1e-12)
-        touched += state.counts[driver.CONTACT_STEPS] > 0
-        several += bool(np.any((state.contact_force > 0).sum(axis=1) > 1))
-        divided += contacts > 1 and 0 < state.counts[driver.CONTACT_STEPS] < 150
+        touched += state.results.counts[driver.CONTACT_STEPS] > 0
+        several += bool(np.any((state.results.contact_force > 0).sum(axis=1) > 1))
+        divided += contacts > 1 and 0 < state.results.counts[driver.CONTACT_STEPS] < 150
     assert touched > 150 and several > 60 and divided > 80, (touched, several, divided)
 
 
@@ -159,7 +160,7 @@ def test_a_finger_is_the_plain_scheme_at_k_times_the_rate(contacts):
         finger = Finger(weights, coupling, own, 1e5, 1.0, path, np.array([path[0], 0.0]))
         runs.append(run(m, q, v, steps * every, every=every, ledger=ledger, finger=finger))
     for state in runs[:2]:
-        np.testing.assert_allclose(state.u, runs[2].u, rtol=0, atol=1e-10 * np.abs(runs[2].u).max())
+        np.testing.assert_allclose(state.results.u, runs[2].results.u, rtol=0, atol=1e-10 * np.abs(runs[2].results.u).max())
         np.testing.assert_allclose(state.q, runs[2].q, rtol=0, atol=1e-10 * np.abs(runs[2].q).max())
 
 

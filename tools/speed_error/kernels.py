@@ -61,7 +61,7 @@ def _substepped(m: driver.Model, run: driver.Run) -> Callable[[], np.ndarray]:
     def take() -> np.ndarray:
         assert kept and tables  # both must outlive the calls
         driver.certify_watch(study.ctypes.data)
-        advance_substepped(*addresses, m.parts, run.counts[driver.DIVIDE :], run.records)
+        advance_substepped(*addresses, m.parts, run.results.counts[driver.DIVIDE :], run.records)
         return out
 
     return take

@@ -70,10 +70,9 @@ def run_complex_modes(scene: CoupledScene) -> CoupledOutcome:
     sums[study.INITIAL] = float(system.energy(x))
     notes = {"eigenvector_condition": modes.condition}
     u, u_contact, bridge, on_bridge, heard = pieces
-    return CoupledOutcome(
-        u, u_contact, np.zeros_like(u_contact), bridge, on_bridge, heard, np.zeros((0, study.N_ENERGIES)), sums, counts,
-        final, notes, time.perf_counter() - began,
-    )  # fmt: skip
+    none = np.zeros((0, study.N_ENERGIES))
+    results = study.StudyRows(u, u_contact, np.zeros_like(u_contact), bridge, on_bridge, heard, none, sums, counts)
+    return CoupledOutcome(results, final, notes, time.perf_counter() - began)
 
 
 def bridge_force_rows(system: CoupledStrings) -> np.ndarray:

@@ -23,7 +23,7 @@ from synth.solver import coupling
 from synth.solver.coupled_advance import advance_study, write_row
 from synth.solver.coupled_ledger import weigh_now
 from synth.solver.coupled_lines import CoupledLines
-from synth.solver.coupled_study import CHUNK, CoupledStudy, far_moments
+from synth.solver.coupled_study import CHUNK, CoupledStudy, FarEnds, FrameBefore, StudyRows, far_moments
 from synth.solver.coupling import COMPONENTS, COUPLING_SIZES, MOST_STEPS
 from synth.solver.fret_change import drawn_behind, eased, release, stop
 
@@ -33,18 +33,9 @@ _BEND_INTERVAL_S = 1e-3
 
 @dataclass
 class CoupledOutcome:
-    """What a run gave; n rows, P points, C contacts, D components of the bridge. energy (n, 14) or (0, 14): columns
-    `solver.coupled_study.ENERGIES`."""
+    """What a run gave."""
 
-    u: np.ndarray
-    u_contact: np.ndarray
-    contact_force: np.ndarray
-    bridge: np.ndarray
-    bridge_force: np.ndarray
-    radiated: np.ndarray
-    energy: np.ndarray
-    sums: np.ndarray
-    counts: np.ndarray
+    rows: StudyRows
     final: np.ndarray  # (n,) as `physics.coupled` lays out the open strings; zeros: some are stopped
     notes: dict[str, Any]
     seconds: float
@@ -64,7 +55,8 @@ class CoupledPlayer:
     """A scene through time; `run` takes it to its end.
 
     lines    the kernels' arrays
-    t        what is looked at, rows and ledger (`CoupledStudy`)
+    t, far   what moves and is looked at, and the far ends
+    rows     what it gives, written as it goes on
     """
 
     def __init__(self, scene: CoupledScene) -> None:
@@ -79,8 +71,8 @@ class CoupledPlayer:
             arrays, scene.body_arrays, scene.frame_s, scene.substeps, most_modes=scene.modes, path=path
         )
         self.heights = [line.eta.copy() for line in arrays]
-        self.t = self._study()
-        self._table = table(self.t)
+        self.t, self.far, self.rows, self._before = parts = self._study()
+        self._table = table(*parts)
         self.frame = 0
         self.begun_inside_m = 0.0
         self._start()
@@ -89,7 +81,7 @@ class CoupledPlayer:
     def address(self) -> int:
         return int(self._table.ctypes.data)
 
-    def _study(self) -> CoupledStudy:
+    def _study(self) -> tuple[CoupledStudy, FarEnds, StudyRows, FrameBefore]:
         scene, run = self.scene, self.scene.case.run
         first = np.concatenate([[0], np.cumsum([len(eta) for eta in self.heights])]).astype(np.int64)
         points = [(scene.line_of[number], x) for number, each in enumerate(scene.tables) for x in each.outputs_m]
@@ -101,16 +93,10 @@ class CoupledPlayer:
             "channels": 2, "body": self.lines.coupling.p.size, "N_ENERGIES": study.N_ENERGIES, "N_SUMS": study.N_SUMS,
             "N_COUNTS": study.N_COUNTS, "weighed": scene.rows if run.ledger else 0,
         }  # fmt: skip
-        return allocate(
-            CoupledStudy,
-            sizes,
-            coupling=self.lines.address,
-            scratch=self.lines.scratch,
-            ledger=int(run.ledger),
-            every=run.steps_per_output,
-            first=first,
-            out_line=np.array([line for line, _ in points], np.int64),
-        )
+        out_line = np.array([line for line, _ in points], np.int64)
+        given = {"coupling": self.lines.address, "scratch": self.lines.scratch, "every": run.steps_per_output}
+        t = allocate(CoupledStudy, sizes, first=first, out_line=out_line, **given)
+        return t, allocate(FarEnds, sizes), allocate(StudyRows, sizes), allocate(FrameBefore, sizes)
 
     def _start(self) -> None:
         scene, lines, t = self.scene, self.lines, self.t
@@ -123,9 +109,9 @@ class CoupledPlayer:
         for k in range(len(lines.states)):
             self._look_at_line(k)
             self._lay_obstacle(k)
-        t.counts[study.LAST_CONTACT] = -1
-        t.sums[study.PENETRATION] = -math.inf if t.eta.size else 0.0
-        t.sums[study.INITIAL] = weigh_now(self.address)
+        self.rows.counts[study.LAST_CONTACT] = -1
+        self.rows.sums[study.PENETRATION] = -math.inf if t.eta.size else 0.0
+        self.rows.sums[study.INITIAL] = weigh_now(self.address)
         write_row(self.address)
 
     def _look_at_line(self, k: int) -> None:
@@ -134,9 +120,9 @@ class CoupledPlayer:
         stopped = self.stopped[k]
         length = scene.strings[scene.lines[k].string].length_m - stopped
         n = scene.modes_at(k, stopped)
-        t.far_moments[k] = 0.0
-        t.far_moments[k, :n] = far_moments(length, n)
-        t.far_leverage[t.first[k] : t.first[k + 1]] = scene.far_leverage(k, stopped)
+        self.far.moments[k] = 0.0
+        self.far.moments[k, :n] = far_moments(length, n)
+        self.far.leverage[t.first[k] : t.first[k + 1]] = scene.far_leverage(k, stopped)
         for point, (line, x) in enumerate(self.points):
             if line == k:
                 t.out_shape[point] = 0.0
@@ -159,14 +145,14 @@ class CoupledPlayer:
         for c in range(model.eta.size):
             at = t.first[k] + c
             u = float(model.shapes[c] @ state.q[: model.shapes.shape[1]]) + end.leverage[c] * b
-            u += t.far_leverage[at] * t.far[k]
+            u += self.far.leverage[at] * self.far.height[k]
             height = self.heights[k][c] + up
             t.eta[at] = min(height, u)
             t.rising[at] = int(u < height)
             if self.frame == 0:
                 self.begun_inside_m = max(self.begun_inside_m, height - u)
             state.force[c] = 0.0
-            state.eta[c] = t.eta[at] - t.far_leverage[at] * t.far[k]
+            state.eta[c] = t.eta[at] - self.far.leverage[at] * self.far.height[k]
 
     # --- hands ---
 
@@ -214,9 +200,9 @@ class CoupledPlayer:
         given = float(self.t.now[study.WORK_FRET])
         grown = self._weighed(study.LOST_FRET, -1.0, change)
         grown -= float(self.t.now[study.WORK_FRET]) - given
-        scale = self.t.sums[study.INITIAL] + max(0.0, float(self.t.now[study.N_STORED + study.N_LOST :].sum()))
+        scale = self.rows.sums[study.INITIAL] + max(0.0, float(self.t.now[study.N_STORED + study.N_LOST :].sum()))
         if scale > 0.0:
-            self.t.sums[study.RISE] = max(self.t.sums[study.RISE], grown / scale)
+            self.rows.sums[study.RISE] = max(self.rows.sums[study.RISE], grown / scale)
 
     def _stop_line(self, k: int, fret: FretTable, height: float) -> None:
         scene, lines, t = self.scene, self.lines, self.t
@@ -227,9 +213,9 @@ class CoupledPlayer:
         b = float(body.direction[k] @ body.beta)
         n_old, n = scene.modes_at(k, self.stopped[k]), scene.modes_at(k, fret.position_m)
         w = state.q[:n_old].copy()
-        y = state.v[:n_old] - end.kick[:n_old] * speed + t.far_moments[k, :n_old] * t.far_speed[k]
+        y = state.v[:n_old] - end.kick[:n_old] * speed + self.far.moments[k, :n_old] * self.far.speed[k]
         self.ramps[k] = None
-        far = float(t.far[k])
+        far = float(self.far.height[k])
         old, tension = lines.models[k], scene.bent(scene.lines[k].string, self.bent[k], 0.0).tension_n
         most = 0.5 * old.mu * float(y @ y + np.sum((old.omega[:n_old] * w) ** 2)) + 0.5 * tension / before * (b - far) ** 2
         if after < before:
@@ -252,7 +238,7 @@ class CoupledPlayer:
         state.q[:] = state.v[:] = 0.0
         state.q[:n] = w
         state.v[:n] = y + lines.ends[k].kick[:n] * speed
-        t.far[k], t.far_speed[k] = far, 0.0
+        self.far.height[k], self.far.speed[k] = far, 0.0
         self.heights[k] = line.eta.copy()
         self._look_at_line(k)
         self._lay_obstacle(k)
@@ -265,8 +251,8 @@ class CoupledPlayer:
                 share = math.sin(turn) if of.second else math.cos(turn)
                 weights, leverage = self.scene.finger_weights(finger, k, self.stopped[k])
                 here = self.lines.hold(k, weights, leverage, finger.stiffness_n_m, finger.resistance_n_s_m)
-                self.t.finger_far[k] = 1.0 - leverage
-                here += (1.0 - leverage) * float(self.t.far[k])
+                self.far.finger[k] = 1.0 - leverage
+                here += (1.0 - leverage) * float(self.far.height[k])
                 self.grips[k] = Way(self.frame, here, share * finger.displacement_m, finger.draw_s)
 
     def slide_off(self, number: int, end: int) -> None:
@@ -304,10 +290,10 @@ class CoupledPlayer:
                 up = scene.obstacle_displacement(of.string, ends * h)
                 t.target[:count, mine] = self.heights[k] + up[:, None]
             ramp = self.ramps[k]
-            t.far_path[:count, k] = t.far[k]
+            self.far.path[:count, k] = self.far.height[k]
             if ramp is not None:
                 share = np.clip((ends - ramp.begin) * h / ramp.fret.ramp_s, 0.0, 1.0)
-                t.far_path[:count, k] = ramp.here + (ramp.there - ramp.here) * 0.5 * (1.0 - np.cos(np.pi * share))
+                self.far.path[:count, k] = ramp.here + (ramp.there - ramp.here) * 0.5 * (1.0 - np.cos(np.pi * share))
             way = self.grips[k]
             if way is not None:
                 steps = scene.substeps[k]
@@ -366,7 +352,7 @@ class CoupledPlayer:
         return x
 
     def _outcome(self, seconds: float) -> CoupledOutcome:
-        t, counts = self.t, self.lines.coupling.counts
+        counts = self.lines.coupling.counts
         touched = int(counts[coupling.TOUCHED])
         notes: dict[str, Any] = {
             "held_frames": int(counts[coupling.HELD_FRAMES]),
@@ -374,10 +360,7 @@ class CoupledPlayer:
         }
         if self.begun_inside_m > 0.0:
             notes["begun_inside_m"] = self.begun_inside_m
-        return CoupledOutcome(
-            t.u, t.u_contact, t.contact_force, t.bridge, t.bridge_force, t.radiated, t.energy, t.sums, t.counts, self.x,
-            notes, seconds,
-        )  # fmt: skip
+        return CoupledOutcome(self.rows, self.x, notes, seconds)
 
 
 def run_exact_hold(scene: CoupledScene) -> CoupledOutcome:

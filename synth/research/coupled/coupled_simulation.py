@@ -44,23 +44,23 @@ def simulate_coupled(tables: Mapping[str, Any], folder: Path, origin: str, warn:
 
 
 def _result(scene: CoupledScene, outcome: CoupledOutcome) -> CoupledResult:
-    case, run, sums, counts = scene.case, scene.case.run, outcome.sums, outcome.counts
+    case, run, rows, sums, counts = scene.case, scene.case.run, outcome.rows, outcome.rows.sums, outcome.rows.counts
     ledger = bool(run.ledger)
     h = scene.frame_s
     last = float(counts[study.LAST_CONTACT] * h) if counts[study.LAST_CONTACT] >= 0 else math.nan
-    arrays = (outcome.u, outcome.contact_force, outcome.bridge, outcome.radiated)
+    arrays = (rows.u, rows.contact_force, rows.bridge, rows.radiated)
     summary: dict[str, Any] = {
         "scheme": case.scheme.name,
         "internal_rate_hz": run.internal_rate_hz,
         "strings": len(case.string),
         "lines": len(scene.lines),
         "body_modes": counted(case.body.mode),
-        "contacts": int(outcome.u_contact.shape[1]),
+        "contacts": int(rows.u_contact.shape[1]),
         "steps": int(counts[study.STEPS]),
         "rows": scene.rows,
         "finite": all(bool(np.all(np.isfinite(array))) for array in arrays),
-        "largest_displacement_m": float(np.abs(outcome.u).max(initial=0.0)),
-        "largest_bridge_motion_m": float(np.abs(outcome.bridge[:, :1]).max(initial=0.0)),
+        "largest_displacement_m": float(np.abs(rows.u).max(initial=0.0)),
+        "largest_bridge_motion_m": float(np.abs(rows.bridge[:, :1]).max(initial=0.0)),
         "largest_penetration_m": float(sums[study.PENETRATION]),
         "last_contact_s": last,
         "contact_steps": int(counts[study.CONTACT_FRAMES]),
@@ -69,7 +69,7 @@ def _result(scene: CoupledScene, outcome: CoupledOutcome) -> CoupledResult:
         "compute_s": outcome.seconds,
     }
     if ledger:
-        final = outcome.energy[-1]
+        final = rows.energy[-1]
         summary |= {
             "initial_energy_j": float(sums[study.INITIAL]),
             "body_energy_j": float(final[study.BODY]),
@@ -99,13 +99,13 @@ def _result(scene: CoupledScene, outcome: CoupledOutcome) -> CoupledResult:
     ]
     return CoupledResult(
         t=np.arange(scene.rows) * run.steps_per_output / run.internal_rate_hz,
-        u=outcome.u,
-        u_contact=outcome.u_contact,
-        contact_force=outcome.contact_force,
-        bridge=outcome.bridge,
-        bridge_force=outcome.bridge_force,
-        radiated=outcome.radiated,
-        energy=outcome.energy if ledger else None,
+        u=rows.u,
+        u_contact=rows.u_contact,
+        contact_force=rows.contact_force,
+        bridge=rows.bridge,
+        bridge_force=rows.bridge_force,
+        radiated=rows.radiated,
+        energy=rows.energy if ledger else None,
         output_string=np.array([number for number, _ in points], np.int64),
         positions=np.array([x for _, x in points], np.float64),
         contact_string=np.array([number for number, _, _ in contacts], np.int64),

@@ -48,7 +48,7 @@ def run_law(scene: Scene) -> Outcome:
     with flushed():
         for finger in scene.fingers[done:]:
             if hold is None:
-                begin = max(_step(scene, finger.start_s), int(state.counts[driver.STEPS]))
+                begin = max(_step(scene, finger.start_s), int(state.results.counts[driver.STEPS]))
                 _advance(scene, state, tuning, begin, None)
                 if begin >= scene.last:
                     break
@@ -69,7 +69,7 @@ def run_law(scene: Scene) -> Outcome:
         ended["hold"] = np.array([hold.begin, hold.here, *hold.state])
         if hold.slip_force is not None:
             ended["slip_force"] = np.array(hold.slip_force)
-    sums, counts = state.sums, state.counts
+    sums, counts = state.results.sums, state.results.counts
     notes = {"started_from_static_contact": lifted > 0.0, "lifted_m": lifted}
     if scene.tail is not None:
         notes["lumped_modes"] = int(scene.tail.omega.size)
@@ -78,10 +78,10 @@ def run_law(scene: Scene) -> Outcome:
     if ledger:
         notes["initial_energy_j"] = float(sums[driver.INITIAL])
     return Outcome(
-        u=state.u,
-        contact_u=state.contact_u,
-        contact_force=state.contact_force,
-        energy=state.energy if ledger else None,
+        u=state.results.u,
+        contact_u=state.results.contact_u,
+        contact_force=state.results.contact_force,
+        energy=state.results.energy if ledger else None,
         largest_penetration_m=float(sums[driver.PENETRATION]),
         largest_energy_rise=float(sums[driver.RISE]) if ledger else float("nan"),
         last_contact_step=int(counts[driver.LAST_CONTACT]),
@@ -171,7 +171,7 @@ class _Hold:
 
 
 def _advance(scene: Scene, state: driver.Run, tuning: _Tuning, until: int, hold: _Hold | None) -> None:
-    step, until = int(state.counts[driver.STEPS]), min(until, scene.last)
+    step, until = int(state.results.counts[driver.STEPS]), min(until, scene.last)
     moves = scene.case.obstacle.moves
     while step < until:
         stop = int(min(until, tuning.until(step, state), step + _MOST_PATH if moves else until))

@@ -30,7 +30,7 @@ class ContactRows:
         """0: displacements (n, C) [m]; 1: forces (n, C) [N]."""
         if self.rows is None:
             state = _advanced(self.problem, self.model, self.begin(ledger=False))
-            self.rows = state.contact_u, state.contact_force
+            self.rows = state.results.contact_u, state.results.contact_force
         return self.rows[which]
 
 
@@ -66,13 +66,13 @@ def run_wall(scene: Scene) -> Outcome:
     started = time.perf_counter()
     _advanced(problem, model, state)
     seconds = time.perf_counter() - started
-    sums, counts, rows = state.sums, state.counts, ContactRows(begin, problem, model)
+    sums, counts, rows = state.results.sums, state.results.counts, ContactRows(begin, problem, model)
     exit_step, last = int(counts[wall.EXIT]), int(counts[wall.LAST])
     return Outcome(
-        u=state.u,
+        u=state.results.u,
         contact_u=partial(rows.of, 0),
         contact_force=partial(rows.of, 1),
-        energy=state.energy if case.run.ledger else None,
+        energy=state.results.energy if case.run.ledger else None,
         largest_penetration_m=float(sums[wall.PENETRATION]),
         largest_energy_rise=float(sums[wall.RISE]) if case.run.ledger else float("nan"),
         last_contact_step=scene.first + last if last >= 0 else -1,
