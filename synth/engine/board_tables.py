@@ -11,8 +11,8 @@ import numpy as np
 from synth.engine.layout import Bank, Shared
 from synth.instrument.boards import BY_FORCE, StringBoard
 from synth.native.arrays import allocate
-from synth.native.views import table
-from synth.solver.board_table import CONSTANT, ROOM, Board, board_sizes, board_tables
+from synth.native.views import opener, table, words
+from synth.solver.board_table import CONSTANT, Board, BoardRoom, board_sizes, board_tables
 from synth.solver.wall import spring_rate
 
 
@@ -26,15 +26,42 @@ class LaidBoard(NamedTuple):
     board: StringBoard
 
 
+class OpenString(NamedTuple):
+    """The open string over a board and its output, for `on_board`, which says where the string is stopped [m]."""
+
+    length: float
+    nut: float
+    slope: float
+    relief: float
+    end: float
+    tension: float  # [N]
+    bending_stiffness: float  # [N m²]
+    linear: int  # the stiffness law
+    heard_by_force: int
+    heard_at: float  # from the saddle
+    aperture: float
+    gain_q: float
+    gain_v: float
+    slide_s: float
+
+
+#: what stands in the table of a board, in this order; (address) → the OpenString there, in compiled code
+BOARD_PARTS = (Board, BoardRoom, OpenString)
+open_string = opener(OpenString, words(Board) + words(BoardRoom))
+
+
 class Boards:
     """Every Board of an engine. As long as it plays, this must stay where it is.
 
     items    Board
+    rooms    BoardRoom of each
     models   numbers of the models over each
     """
 
     def __init__(self, bank: Bank, laid: Sequence[LaidBoard]) -> None:
         self.items: list[Board] = []
+        self.rooms: list[BoardRoom] = []
+        self.tables: list[np.ndarray] = []
         self.models: list[list[int]] = []
         found: dict[tuple[int, int], int] = {}
         tables: dict[int, dict[str, np.ndarray]] = {}
@@ -44,10 +71,12 @@ class Boards:
                 found[key] = len(self.items)
                 if each.intervals not in tables:
                     tables[each.intervals] = board_tables(each.intervals)
-                self.items.append(_board(each, tables[each.intervals]))
+                board, room, over = _parts(each, tables[each.intervals])
+                self.items.append(board)
+                self.rooms.append(room)
+                self.tables.append(table(board, room, over))
                 self.models.append([])
             self.models[found[key]].append(each.model)
-        self.tables = [table(each) for each in self.items]
 
     def point(self, shared: Shared) -> None:
         """Put the addresses where the core looks for them."""
@@ -59,33 +88,17 @@ class Boards:
         out = {}
         for number, each in enumerate(self.items):
             for name, value in each._asdict().items():
-                if isinstance(value, np.ndarray) and name not in CONSTANT + ROOM:
+                if isinstance(value, np.ndarray) and name not in CONSTANT:
                     out[f"board.{number}.{name}"] = value
         return out
 
 
-def _board(laid: LaidBoard, tables: dict[str, np.ndarray]) -> Board:
-    board = laid.board
-    nut, slope, relief, end = board.fingerboard.profile
-    return allocate(
-        Board,
-        board_sizes(laid.intervals),
-        **tables,
-        intervals=laid.intervals,
-        kappa=spring_rate(board.fingerboard.stiffness_n_m2, laid.mu, laid.dt),
-        restitution=board.fingerboard.restitution,
-        length=board.length_m,
-        nut=nut,
-        slope=slope,
-        relief=relief,
-        end=end,
-        tension=board.tension_n,
-        bending_stiffness=board.bending_stiffness_n_m2,
-        linear=int(board.linear),
-        heard_by_force=int(board.heard == BY_FORCE),
-        heard_at=board.distance_m,
-        aperture=board.aperture_m,
-        gain_q=board.gains[0],
-        gain_v=board.gains[1],
-        slide_s=board.slide_s,
-    )
+def _parts(laid: LaidBoard, tables: dict[str, np.ndarray]) -> tuple[Board, BoardRoom, OpenString]:
+    board, sizes = laid.board, board_sizes(laid.intervals)
+    kappa = spring_rate(board.fingerboard.stiffness_n_m2, laid.mu, laid.dt)
+    over = OpenString(
+        board.length_m, *board.fingerboard.profile, board.tension_n, board.bending_stiffness_n_m2, int(board.linear),
+        int(board.heard == BY_FORCE), board.distance_m, board.aperture_m, *board.gains, board.slide_s,
+    )  # fmt: skip
+    made = allocate(Board, sizes, **tables, kappa=kappa, restitution=board.fingerboard.restitution)
+    return made, allocate(BoardRoom, sizes), over

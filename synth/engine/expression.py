@@ -10,9 +10,9 @@ import math
 
 from numba import njit
 
+from synth.engine.board_tables import open_string
 from synth.engine.core import bank_of, expression_of, hand_of, settings_of, shared_of, state_of, voice_of
 from synth.engine.layout import CORE, FIRST_QUANTUM, HEIGHT, NO_FINGER, PARAMETER_RANGES, QUANTUM, TOUCHED
-from synth.solver.board_table import board_at
 
 #: bends, pressures, tunings and obstacle heights follow their controls with this time constant [s]
 CONTROL_S = 0.01
@@ -78,8 +78,8 @@ def follow(core: int, s: int) -> None:
         share = 1.0 - math.exp(-QUANTUM / (seconds * settings_of(core).rate_hz))
         expression.pull = approach(expression.pull, voice.pull_to, share, 1e-3)
     if expression.slide != 0.0:
-        board = board_at(shared_of(core).board_at[hand.model])
-        share = 1.0 - math.exp(-QUANTUM / (board.slide_s * settings_of(core).rate_hz))
+        string = open_string(shared_of(core).board_at[hand.model])
+        share = 1.0 - math.exp(-QUANTUM / (string.slide_s * settings_of(core).rate_hz))
         expression.slide = approach(expression.slide, 0.0, share, 1e-3)
 
 

@@ -11,6 +11,7 @@ import math
 
 from numba import njit
 
+from synth.engine.board_tables import open_string
 from synth.engine.core import (
     bank_of,
     expression_of,
@@ -67,7 +68,8 @@ def stop_on_board(core: int, thread: int, s: int) -> None:
     bank, scratch = bank_of(core), scratch_of(thread)
     hand, expression, motion = hand_of(core, s), expression_of(core, s), motion_of(core, s)
     address = shared_of(core).board_at[hand.model]
-    board, plain, own = board_at(address), string_model(shared_of(core).model_at[hand.model, PLAIN]), model_of(core, s)
+    board, over = board_at(address), open_string(address)
+    plain, own = string_model(shared_of(core).model_at[hand.model, PLAIN]), model_of(core, s)
     model = bank.models[hand.model]
     n, dt = plain.modes, plain.dt
     ideal = math.pi / model.length * math.sqrt(model.tension / model.mu)
@@ -77,11 +79,11 @@ def stop_on_board(core: int, thread: int, s: int) -> None:
         first = plain.omega[0]
         ratio = wanted
         for _ in range(_ROUNDS):
-            ratio *= wanted * first / _shortened(board.linear, first, ideal, ratio)
-        ratio = min(max(ratio, model.length / board.length), model.length / (board.length - board.end))
-        reached = model.length / board.length < ratio < model.length / (board.length - board.end)
+            ratio *= wanted * first / _shortened(over.linear, first, ideal, ratio)
+        ratio = min(max(ratio, model.length / over.length), model.length / (over.length - over.end))
+        reached = model.length / over.length < ratio < model.length / (over.length - over.end)
         if not reached:  # a tension change adds the same share of k_1² to every k_j²
-            added = (wanted * first) ** 2 - _shortened(board.linear, first, ideal, ratio) ** 2
+            added = (wanted * first) ** 2 - _shortened(over.linear, first, ideal, ratio) ** 2
     speaking = model.length / ratio
     board.numbers[SPEAKING] = speaking
     _lay(address, speaking, expression.height)
@@ -98,7 +100,7 @@ def stop_on_board(core: int, thread: int, s: int) -> None:
     omega = own.omega
     omega[n:] = 1.0  # divided by
     if expression.bend != 0.0:
-        _shorten(board.linear, plain.omega[:n], ideal, ratio, omega)
+        _shorten(over.linear, plain.omega[:n], ideal, ratio, omega)
         if added != 0.0:
             raise_modes(omega[:n], added, omega)
     else:
@@ -117,38 +119,38 @@ def stop_on_board(core: int, thread: int, s: int) -> None:
 @njit(**CORE)
 def _lay(address: int, speaking: float, raised: float) -> None:
     """Board.eta under a string that is stopped to `speaking`, the board raised by so much [m]."""
-    b = board_at(address)
-    x_f = b.length - speaking
-    stop = _pressed_share(x_f) * (_board_height(x_f, b.nut, b.slope, b.relief, b.end) + raised)
+    b, over = board_at(address), open_string(address)
+    x_f = over.length - speaking
+    stop = _pressed_share(x_f) * (_board_height(x_f, over.nut, over.slope, over.relief, over.end) + raised)
     for c in range(b.eta.size):
-        xi = speaking * (c + 1.0) / b.intervals
+        xi = speaking * (c + 1.0) / b.half.size
         b.eta[c] = NO_BOARD_M
-        if x_f + xi <= b.end:
-            surface = _board_height(x_f + xi, b.nut, b.slope, b.relief, b.end) + raised
+        if x_f + xi <= over.end:
+            surface = _board_height(x_f + xi, over.nut, over.slope, over.relief, over.end) + raised
             b.eta[c] = _over_line(xi, speaking, surface, stop)
 
 
 @njit(**CORE)
 def _listen(address: int, speaking: float, n: int) -> None:
     """Board.weights of an output that stays where it is."""
-    b = board_at(address)
-    x = speaking - min(b.heard_at, FARTHEST_OUTPUT * speaking)
+    b, over = board_at(address), open_string(address)
+    x = speaking - min(over.heard_at, FARTHEST_OUTPUT * speaking)
     scale = math.sqrt(2.0 / speaking)
     # sines and cosines of multiples of two angles, each from the last by a rotation
-    turn, half_turn = math.pi * x / speaking, 0.5 * math.pi * b.aperture / speaking
+    turn, half_turn = math.pi * x / speaking, 0.5 * math.pi * over.aperture / speaking
     step_sine, step_cosine, half_sine, half_cosine = math.sin(turn), math.cos(turn), math.sin(half_turn), math.cos(half_turn)
     sine, cosine, side, along = 0.0, 1.0, 0.0, 1.0
     for j in range(n):
         k = (j + 1) * math.pi / speaking
         sine, cosine = sine * step_cosine + cosine * step_sine, cosine * step_cosine - sine * step_sine
         side, along = side * half_cosine + along * half_sine, along * half_cosine - side * half_sine
-        if b.heard_by_force:
-            seen = scale * (b.tension * k + b.bending_stiffness * k * k * k) * cosine
+        if over.heard_by_force:
+            seen = scale * (over.tension * k + over.bending_stiffness * k * k * k) * cosine
         else:
             half = (j + 1) * half_turn
             seen = scale * sine * (side / half if half > 1e-9 else 1.0)
-        b.weights[0, j] = b.gain_q * seen
-        b.weights[1, j] = b.gain_v * seen
+        b.weights[0, j] = over.gain_q * seen
+        b.weights[1, j] = over.gain_v * seen
 
 
 @njit(**CORE)
@@ -166,7 +168,7 @@ def may_slide(core: int, s: int, target: int) -> bool:
     if shared.board_at[target] == 0 or hand.phase != NO_FINGER:
         return False
     stopped = bank.models[hand.model].rest_height < 0.0 and bank.models[target].rest_height < 0.0
-    return stopped and board_at(shared.board_at[target]).slide_s > 0.0
+    return stopped and open_string(shared.board_at[target]).slide_s > 0.0
 
 
 @njit(**CORE)

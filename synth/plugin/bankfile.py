@@ -32,6 +32,7 @@ import numpy as np
 
 from synth.engine import arguments, layout, team
 from synth.engine.bank import new_scratch
+from synth.engine.board_tables import BOARD_PARTS
 from synth.engine.bridges import COUPLING_FIXED, COUPLING_ROOM
 from synth.engine.core import CORE_PARTS
 from synth.engine.engine import Engine
@@ -50,7 +51,6 @@ from synth.plugin.droning import PluginDrone
 from synth.plugin.emit import names
 from synth.plugin.setup import SetupNumber
 from synth.solver.board_table import CONSTANT as CONSTANT_ARRAYS
-from synth.solver.board_table import ROOM, Board
 from synth.solver.coupling import Coupling, End
 from synth.solver.stringmodel import Scratch, StringModel, StringState
 
@@ -458,11 +458,10 @@ def add_engine(memory: Memory, inside: EngineMemory) -> tuple[int, int]:
         for name in COUPLING_FIXED:
             if name not in _COUPLING_POINTS:
                 memory.add(CONSTANT, getattr(coupling, name))
-    for board in strings.boards.items:
+    for board, room in zip(strings.boards.items, strings.boards.rooms, strict=True):
         for name in CONSTANT_ARRAYS:
             memory.add(CONSTANT, getattr(board, name))
-        for name in ROOM:
-            array = getattr(board, name)
+        for array in room:
             memory.add(CORE, array, content=np.zeros_like(array))
     for name, array in shared._asdict().items():
         if name not in _SHARED_POINTS:
@@ -516,7 +515,7 @@ def _add_tables(memory: Memory, inside: EngineMemory) -> None:
             memory.add(CORE, array, points=range(array.size), content=array.copy())
     for table in strings.boards.tables:
         content = table.copy()
-        memory.add(CORE, table, points=pointers(content, Board), content=content)
+        memory.add(CORE, table, points=pointers(content, *BOARD_PARTS), content=content)
     for table, placed in zip(inside.effect_tables, inside.chains.placed, strict=True):
         content = table.copy()
         memory.add(CORE, table, points=pointers(content, type(placed.made), type(placed.at_rest)), content=content)

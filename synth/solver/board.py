@@ -27,7 +27,7 @@ from numba import njit
 
 from synth.solver.block_rows import BLOCK, KQ, KV
 from synth.solver.blocks import fly_blocks
-from synth.solver.board_table import BY_PUSH, BY_Q, BY_V, HOLDING, SPEAKING, STEPPED, STRUCK, board_at
+from synth.solver.board_table import BY_PUSH, BY_Q, BY_V, HOLDING, SPEAKING, STEPPED, STRUCK, board_at, room_of
 from synth.solver.certificates import MARGIN
 from synth.solver.lanes import add_forced, any_below, coast, drive, grip_sequence, padded, project_q, project_qv
 from synth.solver.laws import EXACT_HOLD
@@ -62,18 +62,18 @@ def _deviation(slack, omega, mu: float, q, v, touch, mean: float, strength: floa
 
 
 @njit(inline="always")
-def _transform(b, x, y, nodes_x, nodes_y) -> None:
+def _transform(b, room, x, y, nodes_x, nodes_y) -> None:
     """`sine.transform` by a Board's tables."""
-    transform(Sine(b.half, b.twiddles, b.matrix, b.work), x, y, nodes_x, nodes_y)
+    transform(Sine(b.half, b.twiddles, b.matrix, room.work), x, y, nodes_x, nodes_y)
 
 
 @njit(**INNER)
 def _strike(board: int, q, v, mu: float, dt: float) -> bool:
     """Impulses of one instant at all nodes; whether there were any."""
-    b = board_at(board)
+    b, room = board_at(board), room_of(board)
     n = b.eta.size
-    u, w, change = b.nodes[0], b.nodes[1], b.nodes[2]
-    _transform(b, q[:n], v[:n], u, w)
+    u, w, change = room.nodes[0], room.nodes[1], room.nodes[2]
+    _transform(b, room, q[:n], v[:n], u, w)
     scale = math.sqrt(2.0 / b.numbers[SPEAKING])
     hit, holding = False, 0
     for c in range(n):
@@ -90,26 +90,26 @@ def _strike(board: int, q, v, mu: float, dt: float) -> bool:
     b.counts[HOLDING] = holding
     if hit:
         b.counts[STRUCK] += 1
-        _kick(b, change, b.numbers[SPEAKING] / b.intervals * scale, v)
+        _kick(b, room, change, b.numbers[SPEAKING] / b.half.size * scale, v)
     return hit
 
 
 @njit(inline="always")
-def _kick(b, change, gain: float, v) -> None:
+def _kick(b, room, change, gain: float, v) -> None:
     """v (≥n,) += gain times the sine transform of the nodes' changes of speed (n,): one by one where these are few."""
     n, count = change.size, 0
     for c in range(n):
-        if change[c] != 0.0 and count < b.struck.size:
-            b.struck[count] = c
+        if change[c] != 0.0 and count < room.struck.size:
+            room.struck[count] = c
             count += 1
-    if count < b.struck.size:
+    if count < room.struck.size:
         for i in range(count):
-            strength, shape = gain * change[b.struck[i]], b.shapes[b.struck[i]]
+            strength, shape = gain * change[room.struck[i]], b.shapes[room.struck[i]]
             for j in range(n):
                 v[j] += strength * shape[j]
         return
-    kick, spare = b.nodes[3], b.nodes[4]
-    _transform(b, change, change, kick, spare)
+    kick, spare = room.nodes[3], room.nodes[4]
+    _transform(b, room, change, change, kick, spare)
     for j in range(n):
         v[j] += gain * kick[j]
 
@@ -117,9 +117,9 @@ def _kick(b, change, gain: float, v) -> None:
 @njit(**INNER)
 def _lies_clear(board: int, q, later) -> bool:
     """Whether no node is under the surface at q (≥n,), nor at `later`: two states are as dear as one."""
-    b = board_at(board)
-    n, u, w = b.eta.size, b.nodes[0], b.nodes[1]
-    _transform(b, q[:n], later[:n], u, w)
+    b, room = board_at(board), room_of(board)
+    n, u, w = b.eta.size, room.nodes[0], room.nodes[1]
+    _transform(b, room, q[:n], later[:n], u, w)
     scale, under = math.sqrt(2.0 / b.numbers[SPEAKING]), 0
     for c in range(n):
         under += scale * min(u[c], w[c]) < b.eta[c]
@@ -157,6 +157,7 @@ def _one_by_one(model: int, state: int, scratch: int, board: int, begin: int, st
     """`steps` steps from number `begin` of rows of `stride`, looked at everywhere after each: two at a time while the string
     lies clear, and the second is taken back where the first does not."""
     m, s, w, b = string_model(model), string_state(state), scratch_of(scratch), board_at(board)
+    room = room_of(board)
     n, points, end = m.rows.shape[1], m.points, begin + steps
     q, v, finger = s.q[:n], s.v[:n], s.finger[0]
     out = w.out[: points * stride].reshape(points, stride)
@@ -170,16 +171,16 @@ def _one_by_one(model: int, state: int, scratch: int, board: int, begin: int, st
         if two:
             here, push = finger.here, finger.push
             for j in range(n):
-                b.before[0, j] = q[j]
-                b.before[1, j] = v[j]
+                room.before[0, j] = q[j]
+                room.before[1, j] = v[j]
             _step(model, state, scratch, t + 1)
-            if _lies_clear(board, b.before[0], q):
+            if _lies_clear(board, room.before[0], q):
                 _hear(model, state, weights, out, t + 1)
                 t += 2
                 continue
             for j in range(n):
-                q[j] = b.before[0, j]
-                v[j] = b.before[1, j]
+                q[j] = room.before[0, j]
+                v[j] = room.before[1, j]
             finger.here, finger.push = here, push
         hit = _strike(board, q, v, m.mu, m.dt)
         if hit:
@@ -197,27 +198,27 @@ def _stays_clear(
     Nodes that the bound leaves open are looked at step by step, as long as they are few. fingered: whether a finger has
     pushed it, with pushes (K,) [N]; by the end of its step 1 N moves it to pushed (2, n).
     """
-    m, b = string_model(model), board_at(board)
-    u, later = b.nodes[0], b.nodes[1]
+    m, b, room = string_model(model), board_at(board), room_of(board)
+    u, later = room.nodes[0], room.nodes[1]
     nodes = b.eta.size
-    _transform(b, before[0, :nodes], q[:nodes], u, later)
+    _transform(b, room, before[0, :nodes], q[:nodes], u, later)
     scale = math.sqrt(2.0 / b.numbers[SPEAKING])
     by_place, by_slope = MARGIN * scale * everywhere, MARGIN * scale * slope
     count = 0
     for c in range(nodes):
         if scale * min(u[c], later[c]) - b.eta[c] <= min(by_place, by_slope * b.half[c + 1]):
-            if scale * later[c] < b.eta[c] or count == b.followed.size:
+            if scale * later[c] < b.eta[c] or count == room.followed.size:
                 return False
-            b.followed[count] = c
+            room.followed[count] = c
             count += 1
     for i in range(count):
-        c = b.followed[i]
-        project_q(n, m.rows, before[0], before[1], b.shapes[c], b.row)
+        c = room.followed[i]
+        project_q(n, m.rows, before[0], before[1], b.shapes[c], room.row)
         if fingered:
-            b.response[BLOCK] = dot(b.shapes[c, :n], pushed[0])
-            project_q(n, m.rows, pushed[0], pushed[1], b.shapes[c], b.response[BLOCK + 1 :])
-            add_forced(b.row, b.response, pushes)
-        if any_below(b.row, b.eta[c] / scale):
+            room.response[BLOCK] = dot(b.shapes[c, :n], pushed[0])
+            project_q(n, m.rows, pushed[0], pushed[1], b.shapes[c], room.response[BLOCK + 1 :])
+            add_forced(room.row, room.response, pushes)
+        if any_below(room.row, b.eta[c] / scale):
             return False
     return True
 
@@ -226,8 +227,9 @@ def _stays_clear(
 def _block(model: int, state: int, scratch: int, board: int, at: int, stride: int) -> bool:
     """One block from step `at` on, of a string that no finger holds. False: it touches, and nothing is done."""
     m, s, w, b = string_model(model), string_state(state), scratch_of(scratch), board_at(board)
+    room = room_of(board)
     n, points = padded(s.counts[MOVING]), m.points
-    rows, q, v, before = m.rows, s.q, s.v, b.before
+    rows, q, v, before = m.rows, s.q, s.v, room.before
     if b.counts[HOLDING] > 0:
         return False
     everywhere, slope = _deviation(b.slack[:, :n], m.omega[:n], m.mu, q[:n], v[:n], q[:n], 0.0, 0.0)
@@ -236,25 +238,25 @@ def _block(model: int, state: int, scratch: int, board: int, at: int, stride: in
         before[0, j] = q[j]
         before[1, j] = v[j]
     coast(n, rows, q, v)
-    if not _stays_clear(board, model, n, before, q[:whole], False, before, b.row, everywhere, slope):
+    if not _stays_clear(board, model, n, before, q[:whole], False, before, room.row, everywhere, slope):
         for j in range(n):
             q[j] = before[0, j]
             v[j] = before[1, j]
         return False
     out = w.out[: points * stride].reshape(points, stride)
-    _observe(n, m, b, before, out, at)
+    _observe(n, m, b, room, before, out, at)
     return True
 
 
 @njit(inline="always")
-def _observe(n: int, m, b, before, out, at: int) -> None:
+def _observe(n: int, m, b, room, before, out, at: int) -> None:
     """Outputs of the free flight of a block from `before`."""
     if m.points == 2:
         project_qv(n, m.rows, before[0], before[1], b.weights[0], b.weights[1], out[0, at:], out[1, at:])
     elif m.on_q == 1:
         project_q(n, m.rows, before[0], before[1], b.weights[0], out[0, at:])
     else:
-        _observe_v(n, m.rows, before[0], before[1], b.weights[1], b.row, out[0, at:])
+        _observe_v(n, m.rows, before[0], before[1], b.weights[1], room.row, out[0, at:])
 
 
 @njit(cache=True, nogil=True)
@@ -266,7 +268,8 @@ def _observe_v(n: int, rows, q, v, weights, spare, out) -> None:
 def _block_under_finger(model: int, state: int, scratch: int, board: int, at: int, stride: int) -> bool:
     """`_block` of a string that a finger holds along Scratch.path."""
     m, s, w, b = string_model(model), string_state(state), scratch_of(scratch), board_at(board)
-    n, dt, points, rows, q, v, before = m.rows.shape[1], m.dt, m.points, m.rows, s.q, s.v, b.before
+    room = room_of(board)
+    n, dt, points, rows, q, v, before = m.rows.shape[1], m.dt, m.points, m.rows, s.q, s.v, room.before
     if b.counts[HOLDING] > 0:
         return False
     finger, touch, own = s.finger[0], s.finger_weights[:n], s.grip_own[0]
@@ -291,15 +294,15 @@ def _block_under_finger(model: int, state: int, scratch: int, board: int, at: in
         before[1, j] = v[j]
     drive(n, rows, q, v, touch, pushes)
     for j in range(n):
-        b.pushed[0, j] = rows[KQ, j] * touch[j]
-        b.pushed[1, j] = rows[KV, j] * touch[j]
-    if not _stays_clear(board, model, n, before, q, True, b.pushed, pushes, everywhere, slope):
+        room.pushed[0, j] = rows[KQ, j] * touch[j]
+        room.pushed[1, j] = rows[KV, j] * touch[j]
+    if not _stays_clear(board, model, n, before, q, True, room.pushed, pushes, everywhere, slope):
         for j in range(n):
             q[j] = before[0, j]
             v[j] = before[1, j]
         return False
     out = w.out[: points * stride].reshape(points, stride)
-    _observe(n, m, b, before, out, at)
+    _observe(n, m, b, room, before, out, at)
     for p in range(points):
         add_forced(out[p, at:], s.grip_outputs[m.first + p], pushes)
     finger.here = true[BLOCK - 1]

@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 from synth.native.arrays import aligned, f8, i8, u1
-from synth.native.views import opener
+from synth.native.views import opener, words
 from synth.solver.block_rows import BLOCK
 from synth.solver.certificates import MARGIN
 from synth.solver.lanes import padded
@@ -35,24 +35,8 @@ N_SLACK = 3
 class Board(NamedTuple):
     """What a string has of the board under it. N = intervals − 1 modes and nodes, n = padded(N)."""
 
-    intervals: int
     kappa: float  # stiffness of a node's spring over its mass, softened for the step (`wall.spring_rate`) [1/s²]
     restitution: float
-    # of the board and of the output, for `engine.on_board`, which says where the string is stopped [m]
-    length: float  # of the open string
-    nut: float
-    slope: float
-    relief: float
-    end: float
-    tension: float  # [N]
-    bending_stiffness: float  # [N m²]
-    linear: int  # the stiffness law
-    heard_by_force: int
-    heard_at: float  # from the saddle
-    aperture: float
-    gain_q: float
-    gain_v: float
-    slide_s: float
     # the same for all strings of so many modes
     half: Annotated[np.ndarray, f8("intervals")]  # of `sine.Sine`, this and the next
     twiddles: Annotated[np.ndarray, f8("6, quarter")]
@@ -67,7 +51,11 @@ class Board(NamedTuple):
     touching: Annotated[np.ndarray, u1("modes")]
     account: Annotated[np.ndarray, f8("modes")]  # energy taken from the string, over μΔx [m²/s²]
     counts: Annotated[np.ndarray, i8("N_COUNTS")]
-    # room
+
+
+class BoardRoom(NamedTuple):
+    """What the kernels of a Board work with: nothing of it goes from call to call."""
+
     nodes: Annotated[np.ndarray, f8("5, modes")]
     work: Annotated[np.ndarray, f8("4, intervals")]
     before: Annotated[np.ndarray, f8("2, padded")]
@@ -78,11 +66,11 @@ class Board(NamedTuple):
     row: Annotated[np.ndarray, f8("BLOCK")]
 
 
-board_at = opener(Board)
+#: (address) → the Board that is there, the BoardRoom behind it, in compiled code
+board_at, room_of = opener(Board), opener(BoardRoom, words(Board))
 
-#: what is constant, what carries nothing from call to call; the rest is state
+#: what is constant; the other arrays are state
 CONSTANT = ("half", "twiddles", "matrix", "shapes")
-ROOM = ("nodes", "work", "before", "pushed", "response", "followed", "struck", "row")
 
 
 def board_sizes(intervals: int) -> dict[str, int]:
@@ -152,7 +140,7 @@ def clear_by_energy(board: int, energy: float) -> bool:
     """Whether a string of so much energy never reaches the board; energy: twice that over the tension [m]."""
     b = board_at(board)
     for c in range(b.eta.size):
-        share = (c + 1.0) / b.intervals
+        share = (c + 1.0) / b.half.size
         if b.eta[c] >= 0.0 or energy * b.numbers[SPEAKING] * share * (1.0 - share) >= 0.99 * b.eta[c] ** 2:
             return False
     return True

@@ -19,6 +19,7 @@ from synth.solver.board_table import (
     STEPPED,
     STRUCK,
     Board,
+    BoardRoom,
     board_sizes,
     board_tables,
     clear_of_board,
@@ -66,14 +67,9 @@ class Scene:
         return math.ceil(1.5 * math.pi / self.omega[0] / self.dt / BLOCK) * BLOCK
 
     def board(self) -> Board:
-        unused = dict.fromkeys(
-            ("length", "nut", "slope", "relief", "end", "tension", "bending_stiffness", "heard_at", "aperture", "gain_q",
-             "gain_v", "slide_s"), 1.0,
-        )  # fmt: skip
         made = allocate(
-            Board, board_sizes(self.modes + 1), **board_tables(self.modes + 1), intervals=self.modes + 1,
-            kappa=wall.spring_rate(self.stiffness, MU, self.dt), restitution=self.restitution, linear=0, heard_by_force=0,
-            **unused,
+            Board, board_sizes(self.modes + 1), **board_tables(self.modes + 1),
+            kappa=wall.spring_rate(self.stiffness, MU, self.dt), restitution=self.restitution,
         )  # fmt: skip
         made.eta[:] = self.eta
         made.numbers[SPEAKING] = self.length
@@ -98,7 +94,8 @@ class Run:
 
     def __init__(self, scene: Scene, steps: int, touch: dict | None = None) -> None:
         self.scene, self.board = scene, scene.board()
-        self.table = table(self.board)
+        self.room = allocate(BoardRoom, board_sizes(scene.modes + 1))
+        self.table = table(self.board, self.room)
         self.string = scene.string(steps, None if touch is None else np.zeros(steps + 1))
         self.touch, self.made = touch, 0
         weights = self.string.model.weights
