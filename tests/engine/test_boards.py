@@ -111,7 +111,7 @@ def test_a_bend_slides_the_finger(bend: int, semitones: float) -> None:
 def test_where_no_finger_reaches_the_tension_bends() -> None:
     made = engine(ONE)
     play(made, [(0, NOTE_ON, 0, 33, 90)], 1600)
-    opened = float(board_of(made).numbers[SPEAKING])
+    opened = bank_of(made).models["length"][made._sounding.hands["model"][0]]
     play(made, [(0, BEND, 0, -8192)], 8192)
     assert board_of(made).numbers[SPEAKING] == opened  # an open string has no finger to slide
     assert omega_of(made)[0] / model_of(made, 0).omega[0] == pytest.approx(2.0 ** (-2.0 / 12.0), rel=1e-6)

@@ -77,7 +77,7 @@ def test_every_bridge_can_be_raised(name: str) -> None:
 @pytest.mark.parametrize("of", BRIDGES, ids=lambda each: each.name)
 def test_raised_it_is_the_preset_of_that_height(of: Preset, height_um: float) -> None:
     """Bit for bit: from rest, under the pluck, after it and at a fret. Raised, the strings are at rest on several points.
-    Those of the sitar press on and fly on a bridge that lies so, not on one that is raised: but for that they are the same."""
+    Those of the sitar press on and fly over a bridge that lies so, not over one that is raised; else they are the same."""
     for economy in (True, False):
         raised = play(engine(of, economy=economy), [raise_to(0, height_um), *NOTES], SETTLED + 9000)
         made = play(engine(low(of, height_um), economy=economy), NOTES, SETTLED + 9000)
