@@ -45,6 +45,7 @@ from synth.physics.modes import ramp_moments
 from synth.physics.pressed_modes import PressedModes, pressed_modes
 from synth.solver.certificates import CERTIFY_FROM
 from synth.solver.contact_laws import step_of
+from synth.solver.coupling import most_of_contacts
 from synth.solver.laws import EXACT_HOLD, coefficients, law_of
 from synth.solver.layers import static_forces, static_matrix
 from synth.solver.lcp import SOLVED
@@ -291,6 +292,7 @@ class _Lists:
         if heard is not None:
             own = (position.omega[:audible], position.sigma[:audible])
             driven = _driven(*own, position.tension_n / position.length_m, *heard)
+        reach, lever, shape = most_of_contacts(position.omega, _ramp(position), position.shapes, position.leverage)
         self.models.append(
             record(
                 layout.MODEL,
@@ -311,6 +313,9 @@ class _Lists:
                 static_response=static,
                 lift_output=lift,
                 leverage=self._levers,
+                kick_reach=reach,
+                largest_leverage=lever,
+                largest_shape=shape,
                 settled=self._settled,
                 settling=math.isqrt(settled.size),
                 pressed=self._settled + settled.size,
@@ -376,13 +381,13 @@ class _Lists:
         points = np.flatnonzero(force > 0.0)
         if status != SOLVED or points.size != 1:
             return None
-        ramp, point = np.zeros(position.omega.size), int(points[0])
-        ramp[: position.own] = ramp_moments(position.length_m, position.own)
+        point = int(points[0])
         end = (position.length_m, position.tension_n / position.length_m, float(position.leverage[point]))
         residual = float(position.residual[point, point])
         found = pressed_modes(
-            position.omega, position.sigma, position.mu, position.shapes[point], residual, ramp, end, float(force[point])
-        )
+            position.omega, position.sigma, position.mu, position.shapes[point], residual, _ramp(position), end,
+            float(force[point]),
+        )  # fmt: skip
         audible = self._audible(found.omega)
         return found.first(_driven(found.omega[:audible], found.sigma[:audible], found.stiffness, body, line)), point
 
@@ -394,6 +399,11 @@ class _Lists:
         coef = coefficients(EXACT_HOLD, omega, sigma, mu, frame)
         contacts, outputs = no_contacts(omega.size), StringOutputs(weights, on_q=1)
         return make_string(EXACT_HOLD, frame, StringModes(mu, omega, sigma), coef, contacts, outputs)
+
+
+def _ramp(position: Position) -> np.ndarray:
+    """c (N,) of a position's modes; lumped ones have none."""
+    return np.append(ramp_moments(position.length_m, position.own), np.zeros(position.omega.size - position.own))
 
 
 def _driven(omega: np.ndarray, sigma: np.ndarray, stiffness: float, body: Soundboard, line: int) -> int:

@@ -28,8 +28,9 @@ from synth.solver.coupling import (
     FELT_MODES,
     HEARD_MODES,
     KICK_REACH,
+    LARGEST_LEVERAGE,
+    LARGEST_SHAPE,
     LENGTH,
-    PLAIN_REACH,
     RAISED,
     RATIO,
     REACH_OF,
@@ -46,7 +47,6 @@ from synth.solver.line_tables import (
     ALL_DUE,
     TABLES_DUE,
     fill_apart,
-    fill_reach,
     set_apart_modes,
 )
 from synth.solver.quick_coefficients import quick_coefficients
@@ -155,14 +155,13 @@ def _refresh_apart(core: int, s: int) -> bool:
         end.counts[FELT_MODES] = min(audible, padded(fixed.driven)) if settings_of(core).economy else audible
         for k in range(fixed.contacts):
             end.leverage[k] = bank.leverage[fixed.leverage + k]
-        fill_reach(shared.model_at[hand.model, PLAIN], shared.end_at[s])
-        end.numbers[PLAIN_REACH] = end.numbers[KICK_REACH]
+        end.numbers[LARGEST_LEVERAGE], end.numbers[LARGEST_SHAPE] = fixed.largest_leverage, fixed.largest_shape
         end.counts[REACH_OF] = hand.model + 1
     set_apart_modes(shared.end_at[s])
     end.numbers[TENSION] = fixed.tension * bend_ratio * bend_ratio / fixed.length
     end.numbers[RELIEF] = 1.0 / (bend_ratio * bend_ratio) - 1.0
     # no frequency falls by more than the bend: stiffness stays
-    end.numbers[KICK_REACH] = end.numbers[PLAIN_REACH] * max(1.0, 1.0 / bend_ratio)
+    end.numbers[KICK_REACH] = fixed.kick_reach * max(1.0, 1.0 / bend_ratio)
     bent = 1.0 if expression.bend != 0.0 else 0.0
     for j in range(plain.modes):
         end.sigma[j] = damping(plain.sigma[j], expression.hand, bent * model.omega[j] * plain.dt)

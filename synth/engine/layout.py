@@ -57,6 +57,9 @@ MODEL = np.dtype(
         ("static_response", "f8"),  # displacement of the first contact under 1 N, at rest
         ("lift_output", "f8"),  # output of the state at rest under 1 N at the first contact; 0: not counted
         ("leverage", "i8"),  # where those of its contacts begin in Bank.leverage
+        ("kick_reach", "f8"),  # of any of its contacts, at most, where its end moves: `coupling.most_of_contacts`
+        ("largest_leverage", "f8"),
+        ("largest_shape", "f8"),
         ("settled", "i8"),  # where its rows begin in Bank.settled, …
         ("settling", "i8"),  # … and how many there are; 0: no bridge of several points
         ("pressed", "i8"),  # where its numbers begin in Bank.settled (`pressed_flight`), …

@@ -62,7 +62,6 @@ ENTRIES = {
     "research.coupled.coupled_run": (
         "solver.line_tables:fill_apart",
         "solver.line_tables:fill_looked_at",
-        "solver.line_tables:fill_reach",
         "solver.fingers:fill_grip",
         "solver.line_tables:fill_finger_end",
         "solver.coupling:gather_lines",

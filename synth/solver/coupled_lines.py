@@ -19,7 +19,7 @@ from synth.solver.coupled_body import body_fields, body_sizes
 from synth.solver.fingers import fill_grip
 from synth.solver.lanes import padded
 from synth.solver.laws import EXACT_HOLD, coefficients
-from synth.solver.line_tables import fill_apart, fill_finger_end, fill_looked_at, fill_reach
+from synth.solver.line_tables import fill_apart, fill_finger_end, fill_looked_at
 from synth.solver.responses import make_rows, padded_rows
 from synth.solver.stepwise import LEAST_STIFFNESS
 from synth.solver.stringmodel import (
@@ -159,6 +159,8 @@ class CoupledLines:
         # the mass of the modes left out is μ (LENGTH/3 − Σc²)
         end.numbers[coupling.TENSION] = line.stiffness
         end.numbers[coupling.LENGTH] = line.length_m if line.keeps_mass else 3.0 * float(c @ c)
+        most = coupling.most_of_contacts(line.omega, c, line.shapes, line.leverage)
+        end.numbers[[coupling.KICK_REACH, coupling.LARGEST_LEVERAGE, coupling.LARGEST_SHAPE]] = most
         end.counts[coupling.APART_MODES] = n
         end.counts[coupling.ENGAGED] = int(contacts > 0 or self.states[k].finger[0]["on"] != 0)
         if self.ends[k] is not None:
@@ -169,7 +171,6 @@ class CoupledLines:
         room = (aligned(size), aligned(size), aligned((3, BLOCK)))
         fill_apart(end_at, *room)
         fill_looked_at(model_at, end_at, self.steps[k], *room)
-        fill_reach(model_at, end_at)
         self.models[k], self.ends[k], self._tables[k] = model, end, tables
         self.coupling.line_model[k], self.coupling.line_end[k] = model_at, end_at
         self.states[k].eta[:] = line.eta

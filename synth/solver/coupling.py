@@ -33,6 +33,7 @@ from numba import njit
 from synth.native.arrays import f4, f8, i8, u1
 from synth.native.views import opener
 from synth.solver.block_rows import BLOCK, ROWS
+from synth.solver.certificates import MARGIN
 from synth.solver.stringmodel import DEPTH, MOVING, STIFFNESS, string_model, string_state
 from synth.solver.vectors import FAST, INNER, dot
 
@@ -54,7 +55,6 @@ KEPT_BY_THE_REST = 0.9
     RISEN,  # the kicks' part of it since End.bound was taken [m]
     LATELY,  # what the bridge took off them in the last block [m]
     SLACK,  # what it may take off them in this block [m]
-    PLAIN_REACH,  # KICK_REACH of the model as compiled [s]
     RELIEF,  # share of the contacts' residual compliance that a bend has added to it
     LEAST,  # least clearance of a contact that is certified [m]
     EVER,  # furthest that free flight could move a contact when the line was certified [m]
@@ -63,8 +63,8 @@ KEPT_BY_THE_REST = 0.9
     LATELY_RISEN,  # the kicks' part of LATELY [m]
     LARGEST_SHAPE,  # |φ| of any mode at any contact, at most [1/√m]
     HELD_REACH,  # how far a unit push of the finger holds the modes that rest by frames at a contact, at most [m/N]
-) = range(18)
-N_NUMBERS = 18
+) = range(17)
+N_NUMBERS = 17
 #: places in End.counts
 (
     ENGAGED,  # whether contacts and finger count
@@ -75,7 +75,7 @@ N_NUMBERS = 18
     QUIET,  # blocks since something pressed, −1 once End.bound holds
     KIND,  # state of the line in this block, see below
     DUE,  # tables that wait until the line is looked at (`line_tables`)
-    REACH_OF,  # number of the model, from 1 on, that PLAIN_REACH is of
+    REACH_OF,  # number of the model, from 1 on, that kick, pull, leverage and what any contact has at most are of
     RESTING,  # whether modes rest that would not be missed
     FELT_MODES,  # APART_MODES while they do
     HEARD_MODES,  # APART_MODES while they do not
@@ -414,3 +414,13 @@ def in_components(array: np.ndarray, axis: int) -> np.ndarray:
     """An array whose axis has D ≤ COMPONENTS places with zeros for the others."""
     widths = [(0, COMPONENTS - array.shape[axis] if k == axis else 0) for k in range(array.ndim)]
     return np.ascontiguousarray(np.pad(array, widths))
+
+
+def most_of_contacts(
+    omega: np.ndarray, ramp: np.ndarray, shapes: np.ndarray, leverage: np.ndarray
+) -> tuple[float, float, float]:
+    """KICK_REACH [s], LARGEST_LEVERAGE, LARGEST_SHAPE [1/√m] of a line of modes ω, c (N,) over contacts S (C, N), ξ (C,)."""
+    if leverage.size == 0:
+        return 0.0, 0.0, 0.0
+    sizes = np.abs(shapes)
+    return MARGIN * float((sizes @ np.abs(ramp / omega)).max()), float(np.abs(leverage).max()), float(sizes.max())

@@ -1,7 +1,7 @@
 """Whether a string whose end moves can touch anything: a bound, not a guess, so that no sound depends on it.
 
 No free motion brings a contact deeper than Σ |φ_j| E_j (`certificates`). What the bridge does adds to that: a kick of the
-end by a moves it by at most a Σ |φ_j c_j|/ω_j at any later time (`line_tables.fill_reach`), and the end itself by ξ b. A
+end by a moves it by at most a Σ |φ_j c_j|/ω_j at any later time (`coupling.most_of_contacts`), and the end itself by ξ b. A
 line is certified with what is left to the nearest contact, and this is spent frame by frame. A line that can touch
 something, but not within the next block, goes through it like one that cannot. A block in which what was left is used up is
 gone through once more, with the line's contacts looked at.

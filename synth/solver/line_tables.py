@@ -23,9 +23,6 @@ from synth.solver.coupling import (
     FINGER_LEVERAGE,
     HEARD_MODES,
     HELD_REACH,
-    KICK_REACH,
-    LARGEST_LEVERAGE,
-    LARGEST_SHAPE,
     LOOKED_AT,
     RELIEF,
     RESTING,
@@ -145,27 +142,6 @@ def _fill_finger_end(rows, n: int, dt: float, model: int, state: int, end: int, 
     fill_response(one, rows, q, v, e.pull[:n].reshape(1, n), zero, spare, pulled)
     lever = e.numbers[FINGER_LEVERAGE]
     _fill_reach(steps, dt, lever, pulled[0], e.finger_moved[0], e.finger_reach[0], e.finger_drawn[0])
-
-
-@njit(cache=True, nogil=True, fastmath=FAST)
-def fill_reach(model: int, end: int) -> None:
-    """KICK_REACH, LARGEST_LEVERAGE and LARGEST_SHAPE of a line with the frequencies of a model, for bounds of its contacts'
-    motion, from End.kick and leverage."""
-    m, e = string_model(model), end_at(end)
-    furthest, largest, widest = 0.0, 0.0, 0.0
-    moved = e.kept[0, : m.modes]  # which holds something within a block only
-    for j in range(m.modes):
-        moved[j] = abs(e.kick[j]) / m.omega[j]
-    for c in range(m.shapes.shape[0]):
-        total = 0.0
-        for j in range(m.modes):
-            total += abs(m.shapes[c, j]) * moved[j]
-            widest = max(widest, abs(m.shapes[c, j]))
-        furthest = max(furthest, MARGIN * total)
-        largest = max(largest, abs(e.leverage[c]))
-    e.numbers[KICK_REACH] = furthest
-    e.numbers[LARGEST_LEVERAGE] = largest
-    e.numbers[LARGEST_SHAPE] = widest
 
 
 @njit(cache=True, nogil=True)
