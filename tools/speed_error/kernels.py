@@ -36,13 +36,14 @@ def kernel_of(scene: Scene) -> Callable[[], np.ndarray]:
     hold, contacts = m.law == EXACT_HOLD, m.eta.size
     certified = int(hold and contacts >= CERTIFY_FROM)
     model = (m.part if contacts == 1 else m.string)._replace(points=1, on_q=1, certified=certified)
+    in_blocks = model.step == 0 and model.lags.shape[0] == contacts
     steps = STEPS * (m.parts if contacts == 1 else 1)
     string = Strung(model, run.q, run.v, steps)
     string.state.u[:], string.state.v_contact[:], string.state.force[:] = run.u_contact, run.v_contact, run.force
     addresses = string.addresses
 
     def take() -> np.ndarray:
-        if m.in_blocks:
+        if in_blocks:
             advance(*addresses, steps, 0)
         else:
             one_by_one(*addresses, 0, 0, steps)
