@@ -14,7 +14,8 @@ from synth.cli import main
 from synth.engine.engine import Engine
 from synth.instrument.check import check, problems
 from synth.instrument.compile import compile_preset
-from synth.instrument.preset import Preset, PresetError, load_preset, preset_folder, preset_path, validate_preset
+from synth.instrument.preset import Preset, PresetError, load_preset, preset_path, validate_preset
+from synth.instrument.shipped import shipped_names
 from tests.host.midibytes import header, off, on, track
 
 #: few strings each, so that a whole instrument compiles in a blink
@@ -177,7 +178,7 @@ def test_all_that_is_wrong_at_once() -> None:
     assert len(str(error.value).splitlines()) == len(paths) < 8
 
 
-@pytest.mark.parametrize("name", sorted(path.stem for path in preset_folder().glob("*.toml")))
+@pytest.mark.parametrize("name", shipped_names("."))
 def test_the_presets_that_come_with_the_program_are_in_order(name: str) -> None:
     assert problems(load_preset(name)) == []
 

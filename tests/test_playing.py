@@ -12,7 +12,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
 
 from truth_of_sound import playing
 
-from synth.instrument.preset import load_preset, preset_folder
+from synth.instrument.preset import load_preset
+from synth.instrument.shipped import shipped_names
 
 #: presets whose notes are further apart than the aim, and how far they may be [LU]
 UNEVEN = {
@@ -43,7 +44,7 @@ def test_loudness_is_that_of_the_standard() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", sorted(path.stem for path in preset_folder().glob("*.toml")))
+@pytest.mark.parametrize("name", shipped_names("."))
 def test_notes_of_one_velocity_are_as_loud_as_each_other(name: str) -> None:
     apart = playing.notes_apart(load_preset(name))
     # 0.2: what the last digits of another processor's arithmetic make of strings that touch something

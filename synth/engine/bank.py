@@ -374,7 +374,7 @@ class _Lists:
     def _pressed(self, position: Position, body: Soundboard, line: int) -> tuple[PressedModes, int] | None:
         """Of a line of a body that presses at rest on one rigid point: its modes while it does, as far as the bridge drives
         them, and the number of the point; None of another one."""
-        if position.eta.size == 0 or position.layers.shape[1] > 0:
+        if position.layers.shape[1] > 0 or not position.q_rest.any():
             return None
         compliance = static_compliance(position.omega, position.mu, position.shapes, position.residual)
         force, status = static_forces(compliance, -position.eta, position.layers)

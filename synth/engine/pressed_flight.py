@@ -32,6 +32,7 @@ from synth.engine.core import (
 from synth.engine.ends import bridge_under
 from synth.engine.layout import CORE, FLYING, LANDED, NO_FINGER, PLAIN, SLEEP_BELOW
 from synth.physics.pressed_modes import PressedModes
+from synth.solver.certificates import extents, reach
 from synth.solver.coupling import (
     APART_MODES,
     BY_FRAMES,
@@ -154,15 +155,13 @@ def _fly_apart(core: int, thread: int, s: int) -> None:
 
 
 @njit(**CORE)
-def presses_on(core: int, s: int) -> bool:
+def presses_on(core: int, thread: int, s: int) -> bool:
     """Whether a string in flight is certain to press for a while."""
     own, _, slopes, _, _, _ = _numbers(core, s)
-    flight, string = flight_of(core, s), string_of(core, s)
-    least = LEAVE * own[2] - abs(own[3] * bridge_under(core, s)[0])
-    for k in range(slopes.size):
-        swing = string.v[k] / flight.omega[k]
-        least -= abs(slopes[k]) * math.sqrt(string.q[k] * string.q[k] + swing * swing)
-    return least > 0.0
+    flight, string, m = flight_of(core, s), string_of(core, s), slopes.size
+    extent = scratch_of(thread).amplitude[:m]
+    extents(flight.omega[:m], string.q[:m], string.v[:m], extent)
+    return reach(slopes, extent) + abs(own[3] * bridge_under(core, s)[0]) < LEAVE * own[2]
 
 
 @njit(**CORE)

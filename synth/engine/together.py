@@ -191,7 +191,7 @@ def _certify_lines(core: int, thread: int, i: int) -> None:
         elif motion_of(core, s).stale or end.counts[BY_FRAMES]:  # as it is refreshed, and from block to block
             continue
         elif motion_of(core, s).flying:
-            if not presses_on(core, s):
+            if not presses_on(core, thread, s):
                 stand(core, thread, s)
         elif take_off_pressed(core, thread, s):
             lifted = changed = True

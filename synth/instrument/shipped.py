@@ -10,7 +10,7 @@ from synth.spelling import perhaps
 
 
 def shipped_names(folder: str) -> list[str]:
-    """Names of the files in a folder beside the presets."""
+    """Names of the files in a folder beside the presets; ".": of the presets themselves."""
     return sorted(path.stem for path in (preset_folder() / folder).glob("*.toml"))
 
 

@@ -11,7 +11,7 @@ of all masses. The damping matrix V diag(σ) Vᵀ is taken for its diagonal.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -34,10 +34,8 @@ class PressedModes:
 
     def first(self, count: int) -> PressedModes:
         """The first `count` modes alone."""
-        return PressedModes(
-            self.omega[:count], self.sigma[:count], self.ramp[:count], self.stiffness, self.mass_length_m,
-            self.modes[:count], self.rest, self.follows, self.force_n, self.force_of_modes[:count], self.force_of_end,
-        )  # fmt: skip
+        fewer = {name: getattr(self, name)[:count] for name in ("omega", "sigma", "ramp", "modes", "force_of_modes")}
+        return replace(self, **fewer)
 
 
 def pressed_modes(

@@ -21,7 +21,7 @@ def tuned(string: String, frequency_hz: float) -> String:
     tension = _rigid_nut_tension(string, frequency_hz)
     if string.nut:
         tension = _mobile_nut_tension(string, frequency_hz, tension)
-    return replace(string, tension_n=tension)
+    return string.with_tension(tension)
 
 
 def _rigid_nut_tension(string: String, frequency_hz: float) -> float:

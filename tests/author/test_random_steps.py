@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from synth.instrument.preset import preset_folder
+from synth.instrument.shipped import shipped_names
 
 from .serverkit import Server
 
 SEEDS = (1, 2, 3)
 
 
-@pytest.mark.parametrize("name", sorted(path.stem for path in preset_folder().glob("*.toml")))
+@pytest.mark.parametrize("name", shipped_names("."))
 def test_every_preset_is_randomised(server: Server, name: str) -> None:
     doc = server.open(name)
     before = doc.state

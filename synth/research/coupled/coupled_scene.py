@@ -115,7 +115,7 @@ class CoupledScene:
                 raise CaseError(
                     f"{self.place(number)}.bend: {cents:g} cents leave no tension; bend the string up, or less far down"
                 )
-            string = replace(string, tension_n=tension)
+            string = string.with_tension(tension)
         return replace(string, length_m=string.length_m - stopped_m) if stopped_m else string
 
     def modes_at(self, line: int, stopped_m: float) -> int:
