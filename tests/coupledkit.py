@@ -96,7 +96,7 @@ class Kernel:
     def advance(self, frames: int) -> np.ndarray:
         """(frames,) what the body radiates."""
         out = np.zeros((1, frames))
-        assert advance_frames(self.address, self.lines.scratch, frames, out) == 0
+        assert advance_frames(self.address, self.lines.scratch, frames, frames, out) == 0
         return out[0]
 
     @property

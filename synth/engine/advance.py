@@ -106,13 +106,13 @@ def unchanged_quanta(core: int, thread: int, s: int, k: int) -> int:
     room = min(scratch.out.size // 2, scratch.record.size) // (QUANTUM * fixed.factor)
     most = max(1, min(room, shared.task[QUANTA] - k))
     count = int(np.int64(1))
-    while count < most and _goes_on(core, s, k + count):
+    while count < most and goes_on(core, s, k + count):
         count += 1
     return count
 
 
 @njit(**CORE)
-def _goes_on(core: int, s: int, k: int) -> bool:
+def goes_on(core: int, s: int, k: int) -> bool:
     """Whether `begin_quantum` of quantum k would change nothing about a string in one direction that no finger is at."""
     shared, state = shared_of(core), state_of(core)
     if (shared.task[FIRST_QUANTUM] + k) % CHECK_EVERY == 0 or not is_settled(core, s):

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from synth.engine.layout import QUANTUM, Bank, Shared
+from synth.engine.layout import QUANTUM, SPAN, Bank, Shared
 from synth.instrument.soundboard import Soundboard
 from synth.native.arrays import Pool, allocate
 from synth.native.views import table
@@ -75,7 +75,7 @@ class Bridges:
             rows = lines + (1 + soft) * sum(sizes[self.strings.index(s)]["contacts"] for s in mine)
             struck = body.frame_s * body.hand / body.mass
             given = body_fields(body.steps, body.shape, body.radiation, body.mass, body.omega, struck)
-            extents = {"lines": lines, "rows": rows, "knocks": QUANTUM} | body_sizes(given)
+            extents = {"lines": lines, "rows": rows, "knocks": QUANTUM, "stretches": SPAN} | body_sizes(given)
             self.couplings.append(
                 allocate(
                     Coupling,

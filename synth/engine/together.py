@@ -7,13 +7,14 @@ import math
 import numpy as np
 from numba import njit
 
-from synth.engine.advance import follow_first, follow_quantum, make_path, moves_like_a_string
+from synth.engine.advance import follow_first, follow_quantum, goes_on, make_path, moves_like_a_string
 from synth.engine.coefficients import refresh, rest_state
 from synth.engine.core import (
     bank_of,
     flight_of,
     hand_of,
     is_held,
+    knock_of,
     line_address,
     model_of,
     motion_of,
@@ -67,7 +68,7 @@ from synth.solver.lcp import SOLVED
 from synth.solver.line_certificates import CLEAR_ENOUGH, certify_line
 from synth.solver.line_tables import fill_finger, go_by_frames, look_at
 from synth.solver.stringmodel import MOVING, string_model
-from synth.solver.vectors import FAST, INNER, dot
+from synth.solver.vectors import FAST, INNER, dot, put
 
 #: levels are taken, and whether all is silent is asked, every so many quanta: a multiple of CHECK_EVERY
 SLEEP_EVERY = 4 * CHECK_EVERY
@@ -93,11 +94,33 @@ def work_together(core: int, thread: int, i: int, _: int) -> None:
         if voice_of(core, first).awake and begin < until:
             _advance(core, thread, i, begin, until - begin)
     else:
-        for k in range(task[QUANTA]):
+        k = int(np.int64(0))
+        while k < task[QUANTA]:
+            count = int(np.int64(1))
             if voice_of(core, first).awake:
                 _begin_quantum(core, thread, i, k)
             if voice_of(core, first).awake:
-                _advance(core, thread, i, k * QUANTUM, int(np.int64(QUANTUM)))
+                while k + count < task[QUANTA] and _goes_on(core, i, k + count):
+                    _follow_rest(core, i, count)
+                    count += 1
+                _advance(core, thread, i, k * QUANTUM, count * QUANTUM)
+            k += count
+
+
+@njit(**CORE)
+def _goes_on(core: int, i: int, k: int) -> bool:
+    """Whether neither `_begin_quantum` of quantum k nor `_refresh_lines` would change anything about an instrument, but for
+    what forces are counted from, and no hand is at it."""
+    bank = bank_of(core)
+    for s in range(bank.instruments[i].first_string, bank.instruments[i].end_string):
+        hand, counts, fixed = hand_of(core, s), end_at(shared_of(core).end_at[s]).counts, bank.strings[s]
+        if hand.phase != NO_FINGER or knock_of(core, s).steps != 0 or motion_of(core, s).stale:
+            return False
+        if counts[BY_FRAMES] or (counts[ENGAGED] and bank.models[hand.model].contacts == 0):
+            return False
+        if fixed.friction > 0.0 or fixed.axial_stiffness > 0.0 or not goes_on(core, s, k):
+            return False
+    return True
 
 
 @njit(**CORE)
@@ -118,7 +141,7 @@ def _begin_quantum(core: int, thread: int, i: int, k: int) -> None:
             follow_quantum(core, s, k)
         else:
             follow_first(core, s)
-    _follow_rest(core, i)
+    _follow_rest(core, i, int(np.int64(0)))
     if (shared_of(core).task[FIRST_QUANTUM] + k) % CHECK_EVERY != 0:
         return
     fingered = False
@@ -207,7 +230,7 @@ def _certify_lines(core: int, thread: int, i: int) -> None:
                 changed = True
     if lifted:
         _find_models(core, i)
-        _count_forces(core, i)
+        _count_forces(core, i, int(np.int64(0)))
     if changed:
         gather_lines(shared.coupling_at[i])
 
@@ -238,7 +261,7 @@ def _advance(core: int, thread: int, i: int, begin: int, frames: int) -> None:
     while done < frames:
         count = _refresh_lines(core, thread, i, frames - done)
         knock_on(core, i, count)
-        if advance_frames(address, thread, count, out[:, begin + done :]) != SOLVED:
+        if advance_frames(address, thread, count, int(np.int64(QUANTUM)), out[:, begin + done :]) != SOLVED:
             tally_of(core, instrument.first_string).unsolved += 1
         done += count
         for s in range(instrument.first_string, instrument.end_string):
@@ -328,35 +351,36 @@ def _refresh_lines(core: int, thread: int, i: int, frames: int) -> int:
         if hand_of(core, s).phase != NO_FINGER:
             make_path(core, thread, s, count * bank.strings[s].factor, end_at(shared.end_at[s]).path)
     if changed:
-        _count_forces(core, i)
+        _count_forces(core, i, int(np.int64(0)))
         gather_lines(shared.coupling_at[i])
     return count
 
 
 @njit(**CORE)
-def _count_forces(core: int, i: int) -> None:
-    """What the forces on the bridge are counted from: those of strings at rest.
+def _count_forces(core: int, i: int, ahead: int) -> None:
+    """What the forces on the bridge are counted from, so many quanta ahead: those of strings at rest.
 
     A string that is stopped elsewhere pulls at another angle. The bridge does not feel that as a blow, but the hand's work
     before: that it is counted as nothing comes slowly (`_follow_rest`).
     """
     shared = shared_of(core)
     instrument, coupling = bank_of(core).instruments[i], coupling_at(shared.coupling_at[i])
-    for d in range(coupling.held.size):
-        coupling.held[d] = 0.0
+    held = coupling.held[ahead]
+    for d in range(held.size):
+        held[d] = 0.0
     for s in range(instrument.first_string, instrument.end_string):
         motion = motion_of(core, s)
-        held = motion.base - motion.rest
+        pull = motion.base - motion.rest
         if motion.lift > 0.0 and not motion.flying:
-            held += end_at(shared.end_at[s]).leverage[0] * motion.lift
-        if held != 0.0:
-            for d in range(coupling.held.size):
-                coupling.held[d] += coupling.direction[s - instrument.first_string, d] * held
+            pull += end_at(shared.end_at[s]).leverage[0] * motion.lift
+        if pull != 0.0:
+            for d in range(held.size):
+                held[d] += coupling.direction[s - instrument.first_string, d] * pull
 
 
 @njit(**CORE)
-def _follow_rest(core: int, i: int) -> None:
-    """Pulls of strings at rest that are not yet counted as nothing, over a quantum."""
+def _follow_rest(core: int, i: int, ahead: int) -> None:
+    """Let what the forces on the bridge are counted from, so many quanta ahead, follow the strings at rest by a quantum."""
     instrument = bank_of(core).instruments[i]
     follow = 1.0 - math.exp(-QUANTUM / (BASE_S * settings_of(core).rate_hz))
     changed = False
@@ -368,7 +392,10 @@ def _follow_rest(core: int, i: int) -> None:
                 motion.base = motion.rest
             changed = True
     if changed:
-        _count_forces(core, i)
+        _count_forces(core, i, ahead)
+    elif ahead > 0:
+        held = coupling_at(shared_of(core).coupling_at[i]).held
+        put(held[ahead], held[ahead - 1])
 
 
 @njit(**CORE)

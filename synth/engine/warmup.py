@@ -41,4 +41,4 @@ def coupled_kernels() -> list[tuple[Any, tuple[Any, ...]]]:
     """The same for one whose strings share a bridge."""
     from synth.solver.frames import advance_frames
 
-    return [(advance_frames, (*(types.int64,) * 3, types.Array(types.float64, 2, "A"))), *kernels()]
+    return [(advance_frames, (*(types.int64,) * 4, types.Array(types.float64, 2, "A"))), *kernels()]

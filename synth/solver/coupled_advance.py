@@ -65,7 +65,7 @@ def _frame(study: int, number: int) -> None:
         was.body[0, k], was.body[1, k] = c.p[k], c.p_speed[k]
     for i in range(COMPONENTS):
         was.speed[i], was.beta[i], was.rest[i] = c.speed[i], c.beta[i], c.rest[i]
-    if advance_frames(t.coupling, t.scratch, int(np.int64(1)), t.out) != 0:
+    if advance_frames(t.coupling, t.scratch, int(np.int64(1)), int(np.int64(1)), t.out) != 0:
         r.counts[UNSOLVED] += 1
     touched = weigh_frame(study)
     r.counts[STEPS] += 1
@@ -89,7 +89,7 @@ def _move(study: int, number: int) -> None:
     c = coupling_at(t.coupling)
     frame, turned = c.frame, False
     for i in range(COMPONENTS):
-        c.held[i] = 0.0
+        c.held[0, i] = 0.0
     for line in range(c.line_end.size):
         e, s, m = end_at(c.line_end[line]), string_state(c.line_state[line]), string_model(c.line_model[line])
         before, after = f.height[line], f.path[number, line]
@@ -105,7 +105,7 @@ def _move(study: int, number: int) -> None:
         f.height[line] = after
         pull = 0.5 * e.numbers[TENSION] * (before + after)
         for i in range(COMPONENTS):
-            c.held[i] -= c.direction[line, i] * pull
+            c.held[0, i] -= c.direction[line, i] * pull
         for k in range(m.shapes.shape[0]):
             at = t.first[line] + k
             was.eta[at] = s.eta[k]

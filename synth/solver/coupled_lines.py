@@ -95,7 +95,7 @@ class CoupledLines:
         hold[4:] /= body.mass
         struck = np.zeros_like(body.omega) if body.struck is None else body.struck
         given = body_fields(hold, body.shapes, body.radiation, body.mass, body.omega, struck)
-        extents = {"lines": len(lines), "rows": sum(rows) + len(lines), "knocks": knocks} | body_sizes(given)
+        extents = {"lines": len(lines), "rows": sum(rows) + len(lines), "knocks": knocks, "stretches": 1} | body_sizes(given)
         self.coupling = allocate(
             coupling.Coupling,
             coupling.COUPLING_SIZES | extents,

@@ -202,7 +202,8 @@ class Coupling(NamedTuple):
     beta: Annotated[np.ndarray, f8("components")]  # [m]
     speed: Annotated[np.ndarray, f8("components")]  # V of the frame before [m/s]
     rest: Annotated[np.ndarray, f8("components")]  # motion of the modes left out, in units of √REST [m/s]
-    held: Annotated[np.ndarray, f8("components")]  # force that what is at rest puts on the bridge, which it is counted from
+    # force that what is at rest puts on the bridge, which it is counted from: now, and in further stretches of a call
+    held: Annotated[np.ndarray, f8("stretches, components")]
     counts: Annotated[np.ndarray, i8("N_COUPLING_COUNTS")]
     # of the lines as they are: `gather_lines`
     momentum: Annotated[np.ndarray, f8("components")]  # Σ B μ Σ c ẏ
@@ -385,7 +386,7 @@ def energy_of(coupling: int) -> float:
             sunk = min(m.layers[DEPTH, k], max(0.0, sunk))
             total += 0.5 * m.layers[STIFFNESS, k] * sunk * sunk
     for i in range(d):
-        total -= c.held[i] * c.beta[i]
+        total -= c.held[0, i] * c.beta[i]
         for k in range(d):
             total += 0.5 * c.rest[i] * c.rest_mass[i, k] * c.rest[k]
     for k in range(c.p.size):

@@ -91,30 +91,46 @@ FORCE, V, FROM_CONTACTS, MISSING, V_FREE, TURN = range(6)
 
 
 @njit(cache=True, nogil=True)
-def advance_frames(coupling: int, scratch: int, frames: int, out) -> int:
+def advance_frames(coupling: int, scratch: int, frames: int, stretch: int, out) -> int:
     """Take an instrument through `frames` frames; out (channels, ≥ frames) gets what its body radiates. A status of `lcp`.
 
     Lines whose End.counts say so are looked at, and others that have contacts as soon as their certificate is used up; a
     finger that is on goes along its End.path. What the bridge sees of its lines must be as they are (`gather_lines`).
+    stretch: frames, a multiple of BLOCK if fewer than all, for which a row of Coupling.held holds; a call for each stretch
+    does the same to the bit.
     """
     status = int(np.int64(0))
     blocks = frames // BLOCK
     c = coupling_at(coupling)
-    for line in range(c.line_end.size):
-        end_at(c.line_end[line]).known[LASTS] = 0
-        follow_none(c.line_end[line])
     if blocks > 0:
         _take_apart(coupling)
     for t in range(blocks):
+        at = t * BLOCK
+        until = min(frames, at - at % stretch + stretch)
+        if at % stretch == 0:
+            _begin_stretch(coupling, at // stretch)
         _look_apart(coupling, t > 0, c.single != 0)
-        status = max(status, _certain_block(coupling, scratch, int(np.int64(BLOCK)), t * BLOCK, frames, out))
+        status = max(status, _certain_block(coupling, scratch, int(np.int64(BLOCK)), at, until, out))
     if blocks > 0:
         _leave_apart(coupling)
-    for t in range(blocks * BLOCK, frames):
+    for at in range(blocks * BLOCK, frames):
+        if at % stretch == 0:
+            _begin_stretch(coupling, at // stretch)
         _look_apart(coupling, False, False)
-        status = max(status, _certain_block(coupling, scratch, int(np.int64(1)), t, frames, out))
+        status = max(status, _certain_block(coupling, scratch, int(np.int64(1)), at, frames, out))
         _step_apart(coupling)
     return status
+
+
+@njit(**INNER)
+def _begin_stretch(coupling: int, number: int) -> None:
+    """Take over what the bridge is held by in a stretch of a call; which contacts are out of reach is asked anew."""
+    c = coupling_at(coupling)
+    if number > 0:
+        put(c.held[0], c.held[number])
+    for line in range(c.line_end.size):
+        end_at(c.line_end[line]).known[LASTS] = 0
+        follow_none(c.line_end[line])
 
 
 @njit(**INNER)
@@ -515,7 +531,7 @@ def _frame(coupling: int, scratch: int, number: int, begin: int) -> int:
     """Frame `number` of the block, which begins with frame `begin` of the call."""
     c = coupling_at(coupling)
     small, per_frame = c.small, 1.0 / c.frame
-    beta, speed, rest, momentum, held = _triple(c.beta), _triple(c.speed), _triple(c.rest), _triple(c.momentum), c.held
+    beta, speed, rest, momentum, held = _triple(c.beta), _triple(c.speed), _triple(c.rest), _triple(c.momentum), c.held[0]
     gone = (c.goes[0, number], c.goes[1, number], c.goes[2, number])
     there = (gone[0] - beta[0], gone[1] - beta[1], gone[2] - beta[2])
     pull, stays, left = _pulls(c, number), _times(c.moving, speed), _times(c.rest_mass, rest)

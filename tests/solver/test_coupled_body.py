@@ -36,7 +36,7 @@ def played(seed: int, steps: int, engaged: bool, calls: tuple[int, ...]) -> Play
         c.knocked[0], c.knock[:frames] = 1, blows[at : at + frames]
         before = c.p_speed.copy()
         out = np.zeros((2, frames))
-        assert advance_frames(kernel.address, kernel.lines.scratch, frames, out) == 0
+        assert advance_frames(kernel.address, kernel.lines.scratch, frames, frames, out) == 0
         radiated.append(out)
         at += frames
         np.testing.assert_allclose(c.shape @ c.p, c.beta, atol=1e-12 * np.abs(c.beta).max())
