@@ -395,10 +395,10 @@ class Engine(Uncopied):
         return pitch
 
     def _place_voices(self) -> None:
-        """The voice policy's table, which leads to the core's."""
-        addresses = self._core.ctypes.data, self._thread_table.ctypes.data
+        """The voice policy's table, which leads to the core's; and where that is."""
+        self._addresses = self._core.ctypes.data, self._thread_table.ctypes.data
         arrays = self._prepared(), self._state, self._sounding, self._shared
-        self._voices = table(voices_for(*arrays, self._core_settings, *addresses))
+        self._voices = table(voices_for(*arrays, self._core_settings, *self._addresses))
         self._shared.task[layout.VOICES] = self._voices.ctypes.data
 
     def _make_team(self) -> None:
@@ -447,13 +447,13 @@ class Engine(Uncopied):
         room = self._state.pending.size - int(self._state.counters[layout.PENDING])
         if events.size > room:  # more events in one block than the queue holds: a larger queue
             self._grow_queue(2 * (self._state.pending.size + events.size))
-        process(self._core.ctypes.data, self._thread_table.ctypes.data, events, out, stems)
+        process(*self._addresses, events, out, stems)
 
     @property
     def addresses(self) -> tuple[int, int]:
         """What the native `process` takes as `core` and `thread`, valid until the next `prepare` or `observe`."""
         self._prepared()
-        return self._core.ctypes.data, self._thread_table.ctypes.data
+        return self._addresses
 
     @property
     def memory(self) -> EngineMemory:

@@ -14,7 +14,15 @@ from numba import njit
 
 from synth.solver.block_rows import BLOCK, KQ, KV, P11, P12, P21, P22
 from synth.solver.coupling import COMPONENTS, HAND, coupling_at, in_components
-from synth.solver.lanes import add_forced, add_late, drive_listed, drive_listed_kicked, padded, project_a, project_qqq
+from synth.solver.lanes import (
+    add_forced,
+    add_late_of_three,
+    drive_listed,
+    drive_listed_kicked,
+    padded,
+    project_a,
+    project_qqq,
+)
 from synth.solver.responses import make_rows, padded_rows
 from synth.solver.vectors import FAST, INNER
 
@@ -90,8 +98,8 @@ def push_body(c, number: int, force) -> None:
     for k in range(COMPONENTS):
         c.force[k, number] = force[k]
     for i in range(COMPONENTS):
-        for k in range(COMPONENTS):
-            add_late(c.goes[i], c.moves[i, k], number, force[k])
+        moves = c.moves[i]
+        add_late_of_three(c.goes[i], moves[0], moves[1], moves[2], number, force)
 
 
 @njit(**INNER)

@@ -59,7 +59,7 @@ from synth.solver.coupling import (
 )
 from synth.solver.due_responses import fill_those
 from synth.solver.held_forces import hold_forces
-from synth.solver.lanes import add_late, kick, kick_v, padded, padded_single, project_v
+from synth.solver.lanes import add_late_of_three, kick, kick_v, padded, padded_single, project_v
 from synth.solver.lcp import SOLVED
 from synth.solver.line_certificates import is_clear, lasts, look_everywhere, runs_out, spend
 from synth.solver.line_culling import cull, follow_none, may_cull, spend_left
@@ -163,6 +163,7 @@ def _certain_block(coupling: int, scratch: int, frames: int, at: int, until: int
         again = False
         for line in range(c.line_end.size):
             e = end_at(c.line_end[line])
+            _kicks_of(c, line, e.kicks)
             if _is_used_up(e):
                 e.known[CULLING] = NEVER if e.counts[BY_FRAMES] and e.known[CULLING] < LONG else e.known[CULLING] - 1
                 again = True
@@ -355,7 +356,6 @@ def _look_apart(coupling: int, kicked: bool, single: bool) -> None:
             continue
         n = e.counts[APART_MODES]
         if kicked:
-            _kicks_of(c, line, e.kicks)
             if single:
                 kick_v(
                     padded_single(n), e.single_flight, e.single_q, e.single_v, e.single_kick, e.kicks, e.single_pull, e.row
@@ -383,8 +383,9 @@ def _sum_apart(coupling: int) -> None:
             row, direction = e.row, c.direction[line]
             for i in range(COMPONENTS):
                 share = direction[i]
-                for k in range(BLOCK):
-                    pull[i, k] += share * row[k]
+                if share != 0.0:
+                    for k in range(BLOCK):
+                        pull[i, k] += share * row[k]
 
 
 @njit(**INNER)
@@ -395,7 +396,6 @@ def _leave_apart(coupling: int) -> None:
         e, s = end_at(c.line_end[line]), string_state(c.line_state[line])
         if not e.counts[ENGAGED]:
             n = e.counts[APART_MODES]
-            _kicks_of(c, line, e.kicks)
             if c.single:
                 kick(padded_single(n), e.single_flight, e.single_q, e.single_v, e.single_kick, e.kicks)
                 _give_back(coupling, line)
@@ -580,8 +580,8 @@ def _settle(coupling: int, c, number: int, v, before, rest) -> None:
     keeps, twice = KEPT_BY_THE_REST, 1.0 + KEPT_BY_THE_REST
     _put(c.rest, (twice * v[0] - keeps * rest[0], twice * v[1] - keeps * rest[1], twice * v[2] - keeps * rest[2]))
     for i in range(COMPONENTS):
-        for k in range(COMPONENTS):
-            add_late(c.pull[i], c.own[APART, i, k], number, turn[k])
+        own = c.own[APART, i]
+        add_late_of_three(c.pull[i], own[0], own[1], own[2], number, turn)
     for place in range(1, c.touching[0] + 1):
         line = c.touching[place]
         end = c.line_end[line]

@@ -435,12 +435,31 @@ def add_late(typingctx, y, response, late, force):
     """y_k += h_{k−late} λ for k ≥ late, y (K,) and response (2K,) as for `add_forced`: one force, that of step `late`."""
 
     def emit(context, builder, signature, args):
-        code = Code(context, builder, signature, args)
-        at_y, factor = code.data(0), code.splat(args[3])
-        column = builder.gep(code.data(1), [builder.sub(ir.Constant(INT, BLOCK), args[2])])
-        for first in range(0, BLOCK, LANES):
-            at = ir.Constant(INT, first)
-            code.store(code.fma(code.load(column, at), factor, code.load(at_y, at)), at_y, at)
+        _emit_late(Code(context, builder, signature, args), [1], args[2], [args[3]])
         return context.get_dummy_value()
 
     return types.void(y, response, types.int64, types.float64), emit
+
+
+@intrinsic(plain=plain_lanes.add_late_of_three)
+def add_late_of_three(typingctx, y, first, second, third, late, forces):
+    """`add_late` of three forces at once, a tuple, each with a response of its own."""
+
+    def emit(context, builder, signature, args):
+        _emit_late(Code(context, builder, signature, args), [1, 2, 3], args[4], cgutils.unpack_tuple(builder, args[5], 3))
+        return context.get_dummy_value()
+
+    return types.void(y, first, second, third, types.int64, types.UniTuple(types.float64, 3)), emit
+
+
+def _emit_late(code: Code, responses: list[int], late, forces) -> None:
+    """Argument 0 plus what forces of step `late` do by the responses of these arguments."""
+    b = code.b
+    columns = [b.gep(code.data(i), [b.sub(ir.Constant(INT, BLOCK), late)]) for i in responses]
+    factors = [code.splat(force) for force in forces]
+    for first in range(0, BLOCK, LANES):
+        at = ir.Constant(INT, first)
+        total = code.load(code.data(0), at)
+        for column, factor in zip(columns, factors, strict=True):
+            total = code.fma(code.load(column, at), factor, total)
+        code.store(total, code.data(0), at)

@@ -118,7 +118,7 @@ def lasts(coupling: int, line: int, frames: int) -> bool:
     pushed, pressed = _stirred(e)
     speed, kicked, moved = along(c, line, c.speed), 0.0, 0.0
     for k in range(frames - 1, -1, -1):
-        turn = along(c, line, c.kicks[:, k])
+        turn = e.kicks[k]
         kicked += abs(turn)
         moved += abs(speed)
         speed -= turn

@@ -109,3 +109,9 @@ def add_late(y: np.ndarray, response: np.ndarray, late: int, force: float) -> No
     """y_k += h_{k−late} λ for k ≥ late."""
     for k in range(late, BLOCK):
         y[k] += response[BLOCK + k - late] * force
+
+
+def add_late_of_three(y: np.ndarray, first: np.ndarray, second: np.ndarray, third: np.ndarray, late: int, forces) -> None:
+    """`add_late` of three forces."""
+    for response, force in zip((first, second, third), forces, strict=True):
+        add_late(y, response, late, force)
