@@ -41,7 +41,7 @@ from synth.solver.lanes import (
 )
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.lcp import SOLVED
-from synth.solver.sequence import end_certificates, gather, note_forces, others_stay_clear, solve_sequence
+from synth.solver.sequence import end_certificates, gather, note_forces, others_stay_clear, solve_sequence, strike_sequence
 from synth.solver.single import fill_single_rows, give_back, take
 from synth.solver.stringmodel import CLOCK, MOVING, scratch_of, string_model, string_state
 from synth.solver.vectors import INNER
@@ -366,7 +366,10 @@ def _advance(
                 several = gather(looked[:contacts], near)  # once more, with those that the forces might reach
                 look(moving, rows, shapes, q, v, 0, near, several, u)
         elif several > 0:
-            status = solve_sequence(model, state, scratch, several, at)
+            if contacts == 1:
+                strike_sequence(model, state, scratch)
+            else:
+                status = solve_sequence(model, state, scratch, several, at)
             for i in range(several):
                 for k in range(BLOCK):
                     touched = touched or forces[i, k] > 0.0

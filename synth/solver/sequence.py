@@ -19,7 +19,7 @@ from synth.solver.block_rows import BLOCK
 from synth.solver.due_responses import ROW_DUE, fill_due, fill_row
 from synth.solver.lanes import add_forced, add_late, any_below, any_forced_below
 from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN_FILTERED
-from synth.solver.lcp import SOLVED, pivot
+from synth.solver.lcp import SOLVED, pivot, single
 from synth.solver.stepwise import finger_blend, finger_target
 from synth.solver.stringmodel import CLOCK, scratch_of, string_model, string_state
 from synth.solver.vectors import INNER
@@ -76,27 +76,29 @@ def solve_sequence(model: int, state: int, scratch: int, several: int, at: int) 
         active[i] = 0
         for d in range(several if fingered else 0):
             matrix[i, d] -= grip[near[i], BLOCK] * grip[near[d], BLOCK] * per_total
-    only = 1.0 / matrix[0, 0] if several == 1 else 0.0
     status, held = SOLVED, int(np.int64(0))
     for k in range(BLOCK):
         if fingered:
             target = finger_target(law, dt, stiffness, resistance, w.path[at + k], w.path[at + k + 1], here)
             push = (target * per_blend - u_finger[k]) * per_total
-        touching = False
-        for i in range(several):
-            c = near[i]
-            if hold:
-                b[i] = u[i, k] - eta[c]
-            else:
+        if hold:
+            for i in range(several):
+                b[i] = u[i, k] - eta[near[i]]
+        else:
+            for i in range(several):
+                c = near[i]
                 b[i] = u[i, k] + restitution * v_contact[c]
                 enabled[i] = 1 if u_contact[c] - eta[c] + ahead * v_contact[c] <= 0.0 else 0
-            if fingered:
-                b[i] += grip[c, BLOCK] * push
+        if fingered:
+            for i in range(several):
+                b[i] += grip[near[i], BLOCK] * push
+        touching = False
+        for i in range(several):
             forces[i, k] = 0.0
             touching = touching or (enabled[i] != 0 and b[i] < 0.0)
         if touching:
             if several == 1:
-                z[0] = -b[0] * only
+                z[0] = single(matrix[0, 0], b[0])
             else:
                 bad, _, held = pivot(matrix, b[:several], enabled, active, z[:several], w.factor, w.order, held)
                 if bad != SOLVED:
@@ -126,6 +128,25 @@ def solve_sequence(model: int, state: int, scratch: int, several: int, at: int) 
                 u_contact[c] += dt * v_contact[c]
                 u[i, k] = u_contact[c]
     return status
+
+
+@njit(**INNER)
+def strike_sequence(model: int, state: int, scratch: int) -> None:
+    """`solve_sequence` of Moreau–Jean over one contact without a finger, what goes from step to step in registers."""
+    m, s, w = string_model(model), string_state(state), scratch_of(scratch)
+    u, forces, response, eta, dt, restitution = w.u[0], w.forces[0], m.lags[0, 0], s.eta[0], m.dt, m.restitution
+    ahead = 0.5 * dt if m.law == MOREAU_JEAN_FILTERED else 0.0
+    here, speed, stiffness = s.u[0], s.v_contact[0], 1.0 / response[BLOCK]
+    for k in range(BLOCK):
+        forces[k] = 0.0
+        wanted = -(u[k] + restitution * speed) * stiffness
+        if wanted > 0.0 and here - eta + ahead * speed <= 0.0:
+            forces[k] = wanted
+            add_late(u, response, k, wanted)
+        speed = u[k]
+        here += dt * speed
+        u[k] = here
+    s.u[0], s.v_contact[0] = here, speed
 
 
 @njit(**INNER)
