@@ -5,9 +5,9 @@ stringmodel                    a string as compiled code has it: model, state, s
 step                           `advance`: steps by the kernel that does them fastest, for the engine and `simulate`
 laws, contact_laws, problem    a mode's step coefficients under each scheme; what a scheme is given and gives
 lcp                            the contact problem of several points
-stepwise, by_law, substeps     a step after the other; under a law that was added, or with soft layers (layers); divided
+stepwise, layers, substeps     a step after the other, by any law; soft layers in front of what is rigid; divided steps
 certificates                   which contacts free flight cannot reach
-lanes, responses, blocks, fingers   eight steps of every mode at a time, as the engine runs them
+lanes, responses, sequence, blocks, fingers   eight steps of every mode at a time, as the engine runs them
 two_step, penalty              compliant contacts, with `compliant`, `quadratisation` or `sav` for the force of a step
 wall, sine, clearance, propagators   contact along a stretch, at the nodes of the modal grid
 driver, study, energy          a run with rows and an energy ledger

@@ -1,13 +1,8 @@
 """Contact schemes, K = `block_rows.BLOCK` steps at a time: the fast twins of `stepwise`.
 
-Over a block of K steps the string flies free but for its contact forces, so that every contact's motion is its free
-projection plus a lower triangular Toeplitz sum over the forces:
-
-    u_k = S q_free,k + Σ_{i ≤ k} h_{k−i} λ_i,    h_0 = G,  h_l = S (Φ^l κ) Sᵀ,
-
-u displacements for exact-hold, velocities for Moreau–Jean. K free projections cost one pass over the modes with
-everything in registers (`lanes`); the contact problems of the K steps are then solved one after the other on the C × K
-numbers u alone, and the forces enter the modes in a second pass, which is also the free flight to the end of the block.
+K free projections of every contact cost one pass over the modes with everything in registers (`lanes`); the contact
+problems of the K steps are then solved one after the other on these numbers alone (`sequence`), and the forces enter the
+modes in a second pass, which is also the free flight to the end of the block.
 
 Exact-hold looks only at contacts that can be touched (`certificates`): a certificate, not a guess, so that no sound depends
 on it. Moreau–Jean integrates the position of each contact and looks at all.
@@ -21,10 +16,9 @@ from numba import njit
 from synth.native.views import in_rows
 from synth.solver.block_rows import BLOCK, ROWS
 from synth.solver.certificates import HORIZONS, certify
-from synth.solver.due_responses import ROW_DUE, fill_due, fill_row
+from synth.solver.due_responses import fill_due
 from synth.solver.lanes import (
     add_forced,
-    add_late,
     any_below,
     coast,
     coast_q,
@@ -45,8 +39,9 @@ from synth.solver.lanes import (
     project_v,
     project_vv,
 )
-from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN_FILTERED
-from synth.solver.lcp import SOLVED, pivot
+from synth.solver.laws import EXACT_HOLD
+from synth.solver.lcp import SOLVED
+from synth.solver.sequence import end_certificates, gather, note_forces, others_stay_clear, solve_sequence, strike_sequence
 from synth.solver.single import fill_single_rows, give_back, take
 from synth.solver.stringmodel import CLOCK, MOVING, scratch_of, string_model, string_state
 from synth.solver.vectors import INNER
@@ -278,17 +273,6 @@ def _leave(before: int, n: int, rows, q, v, shape, forces) -> None:
 
 
 @njit(inline="always")
-def gather(looked, near) -> int:
-    """Numbers of the contacts that are looked at; returns how many."""
-    m = int(np.int64(0))  # a literal would have kernels that are called with m compiled once more
-    for c in range(looked.size):
-        if looked[c]:
-            near[m] = c
-            m += 1
-    return m
-
-
-@njit(inline="always")
 def look(n: int, rows, shapes, q, v, velocity: int, near, m: int, u) -> None:
     """u[:m] (·, K): free displacements, or velocities, of contacts near[:m] over the next K steps."""
     i = 0
@@ -305,119 +289,6 @@ def look(n: int, rows, shapes, q, v, velocity: int, near, m: int, u) -> None:
         else:
             project_q(n, rows, q, v, shape, u[i])
         i += 2
-
-
-@njit(inline="always")
-def fill_matrix(model: int, state: int, near, m: int, matrix) -> None:
-    """matrix (m·m,) of contacts near[:m] from their lag responses, of which what still waits is filled."""
-    lags, due = string_model(model).lags, string_state(state).due
-    for i in range(m if m > 1 else 0):
-        if due[near[i]] == ROW_DUE:
-            fill_row(model, state, near[i])
-    for i in range(m):
-        for d in range(m):
-            matrix[i * m + d] = lags[near[i], near[d], BLOCK]
-
-
-@njit(inline="always")
-def _answer(model: int, state: int, scratch: int, m: int, k: int, lags, matrix, enabled, active, held: int, s, w):
-    """Solve step k for w.b at contacts near[:m] and let its forces act on their rows u: (status, rows of factor)."""
-    near, u, z = w.near, w.u, w.z
-    status, _, held = pivot(matrix, w.b[:m], enabled, active, z[:m], w.factor, w.order, held)
-    for i in range(m):
-        if z[i] > 0.0:
-            if s.due[near[i]]:
-                fill_due(model, state, scratch, near[i])
-            w.forces[i, k] = z[i]
-            for d in range(m):
-                add_late(u[d], lags[near[d], near[i]], k, z[i])
-    return status, held
-
-
-@njit(inline="always")
-def _hold_sequence(model: int, state: int, scratch: int, m: int, eta, lags, s, w) -> int:
-    """Exact-hold over K steps at contacts near[:m]: forces from the free u, which become the true ones."""
-    near, u, forces, b = w.near, w.u, w.forces, w.b
-    fill_matrix(model, state, near, m, w.matrix)
-    matrix = w.matrix[: m * m].reshape(m, m)
-    enabled, active = w.enabled[:m], w.active[:m]
-    enabled[:] = 1
-    active[:] = 0
-    status, held = SOLVED, int(np.int64(0))
-    for k in range(BLOCK):
-        touching = False
-        for i in range(m):
-            forces[i, k] = 0.0
-            b[i] = u[i, k] - eta[near[i]]
-            touching = touching or b[i] < 0.0
-        if touching:
-            bad, held = _answer(model, state, scratch, m, k, lags, matrix, enabled, active, held, s, w)
-            if bad != SOLVED:
-                status = bad
-    return status
-
-
-@njit(inline="always")
-def _others_stay_clear(m: int, contacts: int, lags, s, w) -> bool:
-    """Whether the forces at near[:m] leave every contact that was not looked at out of reach; those that they do not
-    are looked at from now on."""
-    clear = True
-    y = w.spare[0]
-    for c in range(contacts):
-        if s.looked[c] == 0:
-            y[:] = 0.0
-            for i in range(m):
-                add_forced(y, lags[c, w.near[i]], w.forces[i])
-            if any_below(y, -s.margin[c]):
-                s.looked[c] = 1
-                s.until[c] = s.counts[CLOCK] + HORIZONS[1]
-                clear = False
-    return clear
-
-
-@njit(inline="always")
-def _impact_sequence(
-    model: int, state: int, scratch: int, law: int, m: int, dt: float, restitution: float, lags, s, w
-) -> int:
-    """Moreau–Jean over K steps at all m contacts: impulses from the free velocities u, which become displacements."""
-    near, u, forces, b = w.near, w.u, w.forces, w.b
-    eta, u_contact, v_contact = s.eta, s.u, s.v_contact
-    ahead = 0.5 * dt if law == MOREAU_JEAN_FILTERED else 0.0
-    status, held = SOLVED, int(np.int64(0))
-    if m == 1:
-        here, speed, response = u_contact[0], v_contact[0], lags[0, 0]
-        stiffness = 1.0 / response[BLOCK]
-        forces[0] = 0.0
-        for k in range(BLOCK):
-            wanted = -(u[0, k] + restitution * speed) * stiffness
-            if wanted > 0.0 and here - eta[0] + ahead * speed <= 0.0:
-                forces[0, k] = wanted
-                add_late(u[0], response, k, wanted)
-            speed = u[0, k]
-            here += dt * speed
-            u[0, k] = here
-        u_contact[0], v_contact[0] = here, speed
-        return SOLVED
-    fill_matrix(model, state, near, m, w.matrix)
-    matrix = w.matrix[: m * m].reshape(m, m)
-    enabled, active = w.enabled[:m], w.active[:m]
-    active[:] = 0
-    for k in range(BLOCK):
-        touching = False
-        for i in range(m):
-            forces[i, k] = 0.0
-            b[i] = u[i, k] + restitution * v_contact[i]
-            enabled[i] = 1 if u_contact[i] - eta[i] + ahead * v_contact[i] <= 0.0 else 0
-            touching = touching or (enabled[i] != 0 and b[i] < 0.0)
-        if touching:
-            bad, held = _answer(model, state, scratch, m, k, lags, matrix, enabled, active, held, s, w)
-            if bad != SOLVED:
-                status = bad
-        for i in range(m):
-            v_contact[i] = u[i, k]
-            u_contact[i] += dt * v_contact[i]
-            u[i, k] = u_contact[i]
-    return status
 
 
 @njit(cache=True, nogil=True)
@@ -450,7 +321,7 @@ def _advance(
     m, s, w = string_model(model), string_state(state), scratch_of(scratch)
     law, n, points, contacts = m.law, rows.shape[1], m.points, shapes.shape[0]
     lags, eta = m.lags, s.eta
-    weights, out_lags = all_weights[m.first : m.first + points], m.out_lags[m.first : m.first + points]
+    weights = all_weights[m.first : m.first + points]
     out = w.out[: points * stride].reshape(points, stride)
     record, watched = w.record, w.contact_u.size > 0
     hold = law == EXACT_HOLD
@@ -488,13 +359,17 @@ def _advance(
                     press_sequence(u[0], eta[only], lags[only, only], forces[0])
                     add_forced(u[0], lags[only, only], forces[0])
                 else:
-                    status = _hold_sequence(model, state, scratch, several, eta, lags, s, w)
-                if several == contacts or _others_stay_clear(several, contacts, lags, s, w):
+                    status = solve_sequence(model, state, scratch, several, at)
+                until = s.counts[CLOCK] + HORIZONS[1]
+                if several == contacts or others_stay_clear(model, state, scratch, several, touched, 0.0, until):
                     break
                 several = gather(looked[:contacts], near)  # once more, with those that the forces might reach
                 look(moving, rows, shapes, q, v, 0, near, several, u)
         elif several > 0:
-            status = _impact_sequence(model, state, scratch, law, several, m.dt, m.restitution, lags, s, w)
+            if contacts == 1:
+                strike_sequence(model, state, scratch)
+            else:
+                status = solve_sequence(model, state, scratch, several, at)
             for i in range(several):
                 for k in range(BLOCK):
                     touched = touched or forces[i, k] > 0.0
@@ -506,21 +381,13 @@ def _advance(
                 for k in range(BLOCK):
                     w.contact_u[(at + k) * contacts + near[i]] = u[i, k]
         if touched:
-            for i in range(several):
-                c = near[i]
-                for k in range(BLOCK):
-                    record[(at + k) * contacts + c] = forces[i, k]
-                for p in range(points):
-                    add_forced(out[p, at:], out_lags[p, c], forces[i])
+            note_forces(model, scratch, several, at, stride)
             if several == 1:
                 drive(n, rows, q, v, shapes[near[0]], forces[0])
             else:
                 drive_listed(n, rows, q, v, several, near, shapes, forces)
             moving = n
-            for c in range(contacts):  # the forces have ended every certificate
-                s.renewed[c] = -1
-                if looked[c] == 0:
-                    s.until[c] = s.counts[CLOCK]
+            end_certificates(model, state, touched, 0.0)
         else:
             coast(moving, rows, q, v)
     s.counts[MOVING] = min(m.modes, moving)

@@ -1,10 +1,5 @@
 """Strings under a finger, K = `block_rows.BLOCK` steps at a time: the fast twin of `stepwise` with a finger on.
 
-The finger is one more row u_f of the block's problem (`blocks`), of either sign. Its responses are those of any row; as a
-string answers mutually, what a contact does to the finger is what the finger does to that contact. What spring and dashpot
-pull at depends on the displacement under the finger at the start of the step, which is u_f after the step before it: all
-K steps are solved on the rows' K numbers alone.
-
 Exact-hold solves the finger by itself first, and again with the contacts where it brings one of them down. Contacts that
 free flight cannot reach stay certified: the pushes p_k of a finger move contact c, at any later time, by no more than
 
@@ -19,12 +14,11 @@ import numpy as np
 from numba import njit
 
 from synth.solver.block_rows import BLOCK, KQ, KV
-from synth.solver.blocks import fill_matrix, gather, look, observe
+from synth.solver.blocks import look, observe
 from synth.solver.certificates import MARGIN, certify, extents
 from synth.solver.due_responses import fill_due
 from synth.solver.lanes import (
     add_forced,
-    add_late,
     any_forced_below,
     drive,
     drive_listed_and_one,
@@ -36,9 +30,10 @@ from synth.solver.lanes import (
     project_v,
     project_vv,
 )
-from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN_FILTERED
-from synth.solver.lcp import SOLVED, pivot, single
+from synth.solver.laws import EXACT_HOLD
+from synth.solver.lcp import SOLVED
 from synth.solver.responses import fill_response
+from synth.solver.sequence import end_certificates, gather, note_forces, others_stay_clear, solve_sequence
 from synth.solver.stepwise import finger_blend, finger_row, finger_target
 from synth.solver.stringmodel import CLOCK, MOVING, scratch_of, string_model, string_state
 from synth.solver.vectors import FAST, INNER
@@ -93,81 +88,6 @@ def _look_under(m, s, w, velocity: int, several: int, joined: int, at: int) -> N
         project_q(n, rows, q, v, touch, u_finger)
 
 
-@njit(**INNER)
-def _sequence(model: int, state: int, scratch: int, several: int, at: int) -> int:
-    """K steps of any law at contacts near[:several] and the finger: forces and pushes from the free rows u.
-
-    The rows become the true ones, of displacements: for Moreau–Jean the finger's only.
-    """
-    m, s, w = string_model(model), string_state(state), scratch_of(scratch)
-    law, dt, restitution, lags, contacts = m.law, m.dt, m.restitution, m.lags, m.shapes.shape[0]
-    hold = law == EXACT_HOLD
-    near, u, forces, b, z = w.near, w.u, w.forces, w.b, w.z
-    u_finger, pushes = u[contacts], forces[contacts]
-    eta, u_contact, v_contact, grip_own, grip = s.eta, s.u, s.v_contact, s.grip_own[0], s.grip_contacts
-    finger = s.finger[0]
-    stiffness, resistance = finger.stiffness, finger.resistance
-    blend, compliance = finger_blend(law, dt, stiffness, resistance)
-    total = grip_own[BLOCK] + compliance
-    per_blend, per_total = 1.0 / blend, 1.0 / total
-    ahead = 0.5 * dt if law == MOREAU_JEAN_FILTERED else 0.0
-    fill_matrix(model, state, near, several, w.matrix)
-    matrix = w.matrix[: several * several].reshape(several, several)
-    enabled, active = w.enabled[:several], w.active[:several]
-    for i in range(several):
-        enabled[i] = 1
-        active[i] = 0
-        for d in range(several):
-            matrix[i, d] -= grip[near[i], BLOCK] * grip[near[d], BLOCK] * per_total
-    status, held = SOLVED, int(np.int64(0))
-    here = finger.here
-    for k in range(BLOCK):
-        before, after = w.path[at + k], w.path[at + k + 1]
-        target = finger_target(law, dt, stiffness, resistance, before, after, here)
-        push = (target * per_blend - u_finger[k]) * per_total
-        touching = False
-        for i in range(several):
-            c = near[i]
-            if hold:
-                b[i] = u[i, k] - eta[c]
-            else:
-                b[i] = u[i, k] + restitution * v_contact[c]
-                enabled[i] = 1 if u_contact[c] - eta[c] + ahead * v_contact[c] <= 0.0 else 0
-            b[i] += grip[c, BLOCK] * push
-            forces[i, k] = 0.0
-            touching = touching or (enabled[i] != 0 and b[i] < 0.0)
-        if touching:
-            if several == 1:
-                z[0] = single(matrix[0, 0], b[0])
-            else:
-                bad, _, held = pivot(matrix, b[:several], enabled, active, z[:several], w.factor, w.order, held)
-                if bad != SOLVED:
-                    status = bad
-            for i in range(several):
-                if z[i] > 0.0:
-                    if s.due[near[i]]:
-                        fill_due(model, state, scratch, near[i])
-                    forces[i, k] = z[i]
-                    response = grip[near[i]]
-                    push -= response[BLOCK] * z[i] * per_total
-                    add_late(u_finger, response, k, z[i])
-                    for d in range(several):
-                        add_late(u[d], lags[near[d], near[i]], k, z[i])
-        pushes[k] = push
-        add_late(u_finger, grip_own, k, push)
-        for i in range(several):
-            add_late(u[i], grip[near[i]], k, push)
-        if hold:
-            here = u_finger[k]
-        else:
-            here += dt * u_finger[k]
-            u_finger[k] = here
-            for i in range(several):
-                v_contact[near[i]] = u[i, k]
-                u_contact[near[i]] += dt * u[i, k]
-    return status
-
-
 @njit(inline="always")
 def _brings_down(several: int, pushes, s, w) -> bool:
     """Whether the pushes bring the string to one of the contacts near[:several], whose rows u are free."""
@@ -176,26 +96,6 @@ def _brings_down(several: int, pushes, s, w) -> bool:
         if any_forced_below(w.u[i], s.grip_contacts[c], pushes, s.eta[c]):
             return True
     return False
-
-
-@njit(inline="always")
-def _others_stay_clear(several: int, contacts: int, touched: bool, strength: float, lags, pushes, s, w) -> bool:
-    """Whether pushes, Σ|p| = strength, and where touched the forces at near[:several], leave every contact that was not
-    looked at out of reach; those that they do not are looked at from now on."""
-    clear = True
-    y = w.spare[0]
-    for c in range(contacts):
-        if s.looked[c] == 0 and (touched or s.margin[c] <= s.grip_far[c] * strength):
-            for k in range(BLOCK):
-                y[k] = 0.0
-            if touched:
-                for i in range(several):
-                    add_forced(y, lags[c, w.near[i]], w.forces[i])
-            if any_forced_below(y, s.grip_contacts[c], pushes, -s.margin[c]):
-                s.looked[c] = 1
-                s.until[c] = s.counts[CLOCK]
-                clear = False
-    return clear
 
 
 @njit(inline="always")
@@ -224,7 +124,7 @@ def advance_under_finger(model: int, state: int, scratch: int, blocks: int, stri
     m, s, w = string_model(model), string_state(state), scratch_of(scratch)
     law, dt, n, points, on_q, contacts = m.law, m.dt, m.rows.shape[1], m.points, m.on_q, m.shapes.shape[0]
     rows, shapes, lags, q, v, eta = m.rows, m.shapes, m.lags, s.q, s.v, s.eta
-    weights, out_lags = m.weights[m.first : m.first + points], m.out_lags[m.first : m.first + points]
+    weights = m.weights[m.first : m.first + points]
     grip_own, grip, grip_outputs = s.grip_own[0], s.grip_contacts, s.grip_outputs[m.first : m.first + points]
     out, record = w.out[: points * stride].reshape(points, stride), w.record
     hold = law == EXACT_HOLD
@@ -275,30 +175,21 @@ def advance_under_finger(model: int, state: int, scratch: int, blocks: int, stri
                     touched = _brings_down(several, pushes, s, w)
                 if touched:
                     true = u_finger
-                    status = _sequence(model, state, scratch, several, at)
+                    status = solve_sequence(model, state, scratch, several, at)
             strength = 0.0
             for k in range(BLOCK):
                 strength += abs(pushes[k])
-            if several == contacts or _others_stay_clear(several, contacts, touched, strength, lags, pushes, s, w):
+            until = s.counts[CLOCK]
+            if several == contacts or others_stay_clear(model, state, scratch, several, touched, strength, until):
                 break
         if status != SOLVED:
             result = status
         finger.here = true[BLOCK - 1]
         finger.push = pushes[BLOCK - 1]
         s.counts[CLOCK] += BLOCK
-        for c in range(contacts):
-            s.renewed[c] = -1
-            if looked[c] == 0:
-                s.margin[c] -= s.grip_far[c] * strength
-                if touched or s.margin[c] <= 0.0:  # the forces have ended the certificate
-                    s.until[c] = s.counts[CLOCK]
+        end_certificates(model, state, touched, strength)
         pressed = _only_pressed(several, near, forces) if touched else 0
-        for i in range(pressed):
-            c = near[i]
-            for k in range(BLOCK):
-                record[(at + k) * contacts + c] = forces[i, k]
-            for p in range(points):
-                add_forced(out[p, at:], out_lags[p, c], forces[i])
+        note_forces(model, scratch, pressed, at, stride)
         for p in range(points):
             add_forced(out[p, at:], grip_outputs[p], pushes)
         if pressed == 0:

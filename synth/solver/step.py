@@ -6,13 +6,12 @@ from numba import njit
 
 from synth.solver.block_rows import BLOCK
 from synth.solver.blocks import advance_blocks, fly_modes, press_blocks, press_two
-from synth.solver.by_law import by_law
 from synth.solver.certificates import forget
 from synth.solver.due_responses import fill_all_rows
 from synth.solver.fingers import advance_under_finger
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.lcp import SOLVED
-from synth.solver.stepwise import one_by_one
+from synth.solver.stepwise import has_answer, one_by_one
 from synth.solver.stringmodel import CERTAIN, FREE, MOVING, place_contacts, scratch_of, string_model, string_state
 from synth.solver.vectors import INNER
 
@@ -27,7 +26,7 @@ def advance(model: int, state: int, scratch: int, steps: int, placed: int) -> in
     """
     m = string_model(model)
     blocks = steps // BLOCK
-    if not _flies(model, state) and (m.step != 0 or m.layers.shape[1] != 0 or m.lags.shape[0] != m.shapes.shape[0]):
+    if not _flies(model, state) and (has_answer(m) or m.lags.shape[0] != m.shapes.shape[0]):
         blocks = 0
     status = SOLVED
     if blocks > 0:
@@ -51,7 +50,7 @@ def _remainder(model: int, state: int, scratch: int, done: int, steps: int, plac
         w.active[c] = 1 if s.force[c] > 0.0 else 0
     if placed:
         place_contacts(model, state, s.counts[MOVING])
-    status = step_by_step(model, state, scratch, done, done, steps)
+    status = one_by_one(model, state, scratch, done, done, steps)
     s.counts[CERTAIN] = 0
     return status
 
@@ -68,18 +67,9 @@ def advance_two(
 def presses(model: int, state: int) -> bool:
     """Whether `advance` takes whole blocks by `press_blocks`: exact-hold over one contact that may be touched, no finger."""
     m, s = string_model(model), string_state(state)
-    known = m.law == EXACT_HOLD and m.step == 0 and m.layers.shape[1] == 0
+    known = m.law == EXACT_HOLD and not has_answer(m)
     alone = m.shapes.shape[0] == 1 and m.lags.shape[0] == 1 and s.finger[0].on == 0 and s.counts[FREE] == 0
     return known and alone and m.on_q <= 1 and m.points - m.on_q <= 1
-
-
-@njit(cache=True, nogil=True)
-def step_by_step(model: int, state: int, scratch: int, begin: int, at: int, steps: int) -> int:
-    """`stepwise.one_by_one`, or `by_law` where the model has a law of its own or layers."""
-    m = string_model(model)
-    if m.step != 0 or m.layers.shape[1] != 0:
-        return by_law(model, state, scratch, begin, at, steps)
-    return one_by_one(model, state, scratch, begin, at, steps)
 
 
 @njit(**INNER)

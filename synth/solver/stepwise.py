@@ -1,4 +1,4 @@
-"""One step after the other: one string, its contacts and one finger; `blocks` does several steps at a time.
+"""One step after the other: one string, its contacts and one finger; `sequence` does several steps at a time.
 
 Every kernel advances modal coordinates (q, v) in place with the first six coefficient rows of a model (`laws`). The
 contact unknowns of a step are found from the free prediction: for exact-hold from positions at the end of the step,
@@ -14,6 +14,9 @@ path, implicit in the step, so that the work done on the string is λ·Δpath le
 
     (k + r/Δt) u⁺ + λ = k path⁺ + (r/Δt)(path⁺ − path + u).
 
+Soft layers (`layers`) and a law of another module (`contact_laws`) take the place of the first problem: they are asked in
+every step, with what the contacts would do without a force, the finger's answer to them included.
+
 Kernels allocate nothing and return a status of `lcp`.
 """
 
@@ -22,9 +25,11 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from synth.native.views import consult
 from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN_FILTERED
-from synth.solver.lcp import SOLVED, pivot, single
-from synth.solver.stringmodel import MOVING, scratch_of, string_model, string_state
+from synth.solver.layers import answer_with_layers
+from synth.solver.lcp import NOT_SOLVED, SOLVED, pivot, single
+from synth.solver.stringmodel import MOVING, place_of, scratch_of, string_model, string_state
 from synth.solver.vectors import FAST, INNER, dot
 
 #: of the spring between a string and a finger's path [N/m]: by less a finger holds nothing. On so soft a spring a path that
@@ -122,8 +127,8 @@ def one_by_one(model: int, state: int, scratch: int, begin: int, at: int, steps:
     finger, coupling, weights = s.finger[0], s.finger_coupling, s.finger_weights[:n]
     fingered = finger.on != 0
     stiffness, resistance = finger.stiffness, finger.resistance
-    hold = law == EXACT_HOLD
-    everything = fingered or not hold
+    hold, asked = law == EXACT_HOLD, has_answer(m)
+    everything = fingered or not hold or asked
     status = SOLVED
     y, b, z, watch = w.y[:contacts], w.b[:contacts], w.z[:contacts], w.watch
     enabled, active = w.enabled[:contacts], w.active[:contacts]
@@ -138,11 +143,16 @@ def one_by_one(model: int, state: int, scratch: int, begin: int, at: int, steps:
         blend, compliance = finger_blend(law, dt, stiffness, resistance)
     total_own = finger.own + compliance
     matrix = g
-    if fingered:
+    if fingered or asked:
         matrix = w.a
         for c in range(contacts):
             for d in range(contacts):
-                matrix[c, d] = g[c, d] - coupling[c] * coupling[d] / total_own
+                matrix[c, d] = g[c, d]
+                if fingered:
+                    matrix[c, d] -= coupling[c] * coupling[d] / total_own
+    if asked:
+        for c in range(contacts):
+            u_contact[c] = place_of(m, s, c, q)
 
     held = int(np.int64(0))  # rows of Scratch.factor that the steps so far made for `matrix`
     for t in range(steps):
@@ -160,10 +170,15 @@ def one_by_one(model: int, state: int, scratch: int, begin: int, at: int, steps:
             before, after = w.path[begin + t], w.path[begin + t + 1]
             target = finger_target(law, dt, stiffness, resistance, before, after, finger.here)
             push = (target / blend - y_finger) / total_own
-        touching = False
+        touching = asked and contacts > 0
         for c in range(contacts):
             if everything or watch[c]:
                 y[c] = dot(shapes[c], x)
+                if asked:
+                    if fingered:
+                        y[c] += coupling[c] * push
+                    z[c] = 0.0
+                    continue
                 if hold:
                     b[c] = y[c] - eta[c]
                     enabled[c] = 1
@@ -185,7 +200,10 @@ def one_by_one(model: int, state: int, scratch: int, begin: int, at: int, steps:
                     watch[c] = 1
             everything = True
         if touching:
-            if contacts == 1:
+            if asked:
+                if _answer(model, state, scratch) != SOLVED:
+                    status = NOT_SOLVED
+            elif contacts == 1:
                 z[0] = single(matrix[0, 0], b[0])
             else:
                 bad, _, held = pivot(matrix, b, enabled, active, z, w.factor, w.order, held)
@@ -204,11 +222,14 @@ def one_by_one(model: int, state: int, scratch: int, begin: int, at: int, steps:
             finger.push = push
         if touching:
             for c in range(contacts):
-                if force[c] > 0.0:
+                if force[c] != 0.0:
                     push_modes(q, v, kq, kv, shapes[c], force[c])
         if fingered:
             finger.here = dot(weights, q)
-        if not hold:
+        if asked:
+            for c in range(contacts):
+                u_contact[c] = place_of(m, s, c, q)
+        elif not hold:
             for c in range(contacts):
                 v_contact[c] = y[c]
                 if fingered:
@@ -223,8 +244,23 @@ def one_by_one(model: int, state: int, scratch: int, begin: int, at: int, steps:
             record[(at + t) * contacts + c] = force[c]
         if contact_u.size > 0:
             for c in range(contacts):
-                contact_u[(at + t) * contacts + c] = dot(shapes[c], q)
+                contact_u[(at + t) * contacts + c] = u_contact[c] if asked else dot(shapes[c], q)
     return status
+
+
+@njit(inline="always")
+def has_answer(m) -> bool:
+    """Whether something else than the contact problem answers in a step: layers of a model, or a law of another module."""
+    return m.step != 0 or m.layers.shape[1] != 0
+
+
+@njit(**INNER)
+def _answer(model: int, state: int, scratch: int) -> int:
+    """It answers (`contact_laws.ContactLaw.answer`). A status."""
+    m = string_model(model)
+    if m.layers.shape[1] > 0:
+        return answer_with_layers(model, state, scratch)
+    return consult(m.step, model, state, scratch)
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)

@@ -376,6 +376,15 @@ def place_contacts(model: int, state: int, modes: int) -> None:
         s.v_contact[c] = dot(m.shapes[c], v)
 
 
+@njit(inline="always")
+def place_of(m, s, c: int, q) -> float:
+    """S q + R λ of a contact [m]: the modes left out move it, too."""
+    u = dot(m.shapes[c], q)
+    for d in range(m.shapes.shape[0]):
+        u += m.residual[c, d] * s.force[d]
+    return u
+
+
 def _copy(array: Any) -> np.ndarray:
     """An aligned one."""
     array = np.asarray(array, dtype=np.float64)

@@ -16,10 +16,12 @@ from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN_FILTERED
 from synth.solver.layers import held_by_layers
 from synth.solver.lcp import SOLVED
 from synth.solver.problem import Results
-from synth.solver.step import advance, step_by_step
+from synth.solver.step import advance
+from synth.solver.stepwise import has_answer, one_by_one
 from synth.solver.stringmodel import (
     CERTAIN,
     DEPTH,
+    place_of,
     scratch_of,
     string_model,
     string_state,
@@ -75,10 +77,7 @@ def write_output(study: int) -> None:
     for p in range(m.points):
         out.u[row, p] = dot(m.weights[p], q)
     for c in range(contacts):
-        u = dot(m.shapes[c], q)
-        for d in range(contacts):
-            u += m.residual[c, d] * s.force[d]
-        out.contact_u[row, c] = u
+        out.contact_u[row, c] = place_of(m, s, c, q)
     _close_row(study)
 
 
@@ -140,7 +139,7 @@ def advance_study(study: int, n_steps: int) -> None:
     for c in range(contacts):  # model and finger may be others than in the call before
         w.watch[c] = 1
     blocks = string_model(r.watched)
-    tabled = blocks.step == 0 and blocks.layers.shape[1] == 0 and blocks.lags.shape[0] == contacts
+    tabled = not has_answer(blocks) and blocks.lags.shape[0] == contacts
     in_blocks = tabled and not (ledger or moves or fingered) and (count == 1 or contacts == 1)
     s.counts[CERTAIN] = 0
     done = int(np.int64(0))  # literals would have kernels that are called with it compiled once more
@@ -180,7 +179,7 @@ def advance_study(study: int, n_steps: int) -> None:
                 w.watch[:] = 1
             elif some > 8 or out.counts[STEPS] % _CERTIFY_STEPS == 0:
                 certify_watch(study)
-            status = step_by_step(model, r.state, r.stepping, done, phase, some)
+            status = one_by_one(model, r.state, r.stepping, done, phase, some)
             if moves:
                 _risen(study, r.heights[done], r.heights[done + 1])
             if status != SOLVED:
@@ -276,7 +275,7 @@ def divided_step(study: int, begin: int) -> None:
             if ledger:
                 weighed_step(study, r.part, r.parting, begin + k, k)
             else:
-                status = step_by_step(r.part, r.state, r.parting, begin + k, k, int(np.int64(1)))
+                status = one_by_one(r.part, r.state, r.parting, begin + k, k, int(np.int64(1)))
                 if status != SOLVED:
                     out.counts[BAD_STEPS] += 1
         for c in range(contacts):
@@ -350,7 +349,7 @@ def weighed_step(study: int, model: int, scratch: int, begin: int, at: int) -> N
         _rise(study, r.heights[begin], r.heights[begin + 1])
         if not hold:
             stepped = r.lifted
-    status = step_by_step(stepped, r.state, scratch, begin, at, int(np.int64(1)))
+    status = one_by_one(stepped, r.state, scratch, begin, at, int(np.int64(1)))
     if moves:
         _risen(study, r.heights[begin], r.heights[begin + 1])
     if status != SOLVED:
