@@ -13,7 +13,7 @@ from numba import njit
 from synth.dsp.decimator import decimate_line
 from synth.dsp.effect import STILL_BELOW
 from synth.engine.chain import chain_is_silent, reset_chain, run_chain
-from synth.engine.core import bank_of, progress_of, settings_of, shared_of, state_of
+from synth.engine.core import bank_of, progress_of, settings_of, shared_of, state_of, stream_of
 from synth.engine.layout import BLOWN_UP, CORE, GAIN, N_SILENCED, QUANTUM, RING
 from synth.native.simd import move_within
 from synth.solver.vectors import dot
@@ -22,7 +22,7 @@ from synth.solver.vectors import dot
 @njit(**CORE)
 def mix_span(core: int, start: int, quanta: int) -> None:
     """The rows of `quanta` quanta from frame `start` of the stream become output in the rings."""
-    bank, state, shared = bank_of(core), state_of(core), shared_of(core)
+    bank, stream, shared = bank_of(core), stream_of(core), shared_of(core)
     frames = quanta * QUANTUM
     _gather_rows(core)
     mix = shared.mix[:frames]
@@ -41,8 +41,8 @@ def mix_span(core: int, start: int, quanta: int) -> None:
         _finish(core, mix[begin : begin + QUANTUM].reshape(-1))
     for i in range(frames):
         at = (start + i) % RING
-        state.ring[at, 0] = mix[i, 0]
-        state.ring[at, 1] = mix[i, 1]
+        stream.ring[at, 0] = mix[i, 0]
+        stream.ring[at, 1] = mix[i, 1]
 
 
 @njit(**CORE)
@@ -97,32 +97,32 @@ def _add_sides(core: int, s: int, b: int, first: int, row) -> None:
 @njit(**CORE)
 def _add_row(core: int, b: int, first: int, row, share: float) -> None:
     """Add steps from number `first` of the span on to the line of bus b."""
-    state = state_of(core)
+    stream = stream_of(core)
     bus = bank_of(core).buses[b]
     # what a step ends with belongs to the instant after it: the last one of a span to the next span
     place = bus.off + bus.n_taps + first
-    line = state.lines[place : place + row.size]
+    line = stream.lines[place : place + row.size]
     for t in range(row.size):
         line[t] += share * row[t]
-    state.quiet[b] = -1
+    stream.quiet[b] = -1
 
 
 @njit(**CORE)
 def _add_bus(core: int, b: int, frames: int, mono) -> None:
     """Bring bus b down to the output rate, add it to `mono` and move its line on."""
-    bank, state, shared = bank_of(core), state_of(core), shared_of(core)
+    bank, stream, shared = bank_of(core), stream_of(core), shared_of(core)
     bus = bank.buses[b]
     fresh = frames * bus.factor
-    if state.quiet[b] >= bus.n_taps:
+    if stream.quiet[b] >= bus.n_taps:
         return
-    line = state.lines[bus.off : bus.off + bus.n_taps + fresh]
+    line = stream.lines[bus.off : bus.off + bus.n_taps + fresh]
     frame = shared.frame[:frames]
     decimate_line(bank.taps[bus.taps : bus.taps + bus.n_taps], bus.factor, line, shared.phases, frame)
     for i in range(frames):
         mono[i] += frame[i]
     move_within(line, 0, fresh, bus.n_taps)
     line[bus.n_taps :] = 0.0
-    state.quiet[b] = 0 if state.quiet[b] < 0 else state.quiet[b] + fresh
+    stream.quiet[b] = 0 if stream.quiet[b] < 0 else stream.quiet[b] + fresh
 
 
 @njit(**CORE)
@@ -160,7 +160,7 @@ def _add_stereo_part(core: int, p: int, start: int, frames: int, mix) -> None:
         x = pair[begin : begin + QUANTUM]
         flat = x.reshape(-1)
         at = (start + begin) % RING
-        stem = state.stems[p, at : at + QUANTUM]
+        stem = stream_of(core).stems[p, at : at + QUANTUM]
         silent = _is_silent(flat)
         if me.still and silent and _settled(me.left, to_left, share) and _settled(me.right, to_right, share):
             stem[:] = 0.0
@@ -206,7 +206,7 @@ def _add_part(core: int, p: int, start: int, mono, mix) -> None:
         x = mono[begin : begin + QUANTUM]
         y = mix[begin : begin + QUANTUM]
         at = (start + begin) % RING
-        stem = state.stems[p, at : at + QUANTUM]
+        stem = stream_of(core).stems[p, at : at + QUANTUM]
         silent = _is_silent(x)
         left, right, before, high = me.left, me.right, me.dc_in, me.dc_out
         settled = _settled(left, to_left, share) and _settled(right, to_right, share)
@@ -243,17 +243,17 @@ def _add_part(core: int, p: int, start: int, mono, mix) -> None:
 @njit(**CORE)
 def _silence_part(core: int, p: int, mono, stem) -> None:
     """What part p gives is no number, or no sound any more: its filters forget all, and it is silent to the span's end."""
-    bank, state, settings = bank_of(core), state_of(core), settings_of(core)
+    bank, stream = bank_of(core), stream_of(core)
     part = bank.parts[p]
-    me = state.part_state[p]
+    me = state_of(core).part_state[p]
     stem[:] = 0.0
     mono[:] = 0.0
     for b in range(part.first_bus, part.end_bus):
         bus = bank.buses[b]
-        state.lines[bus.off : bus.off + bus.n_taps] = 0.0
-        state.quiet[b] = bus.n_taps
+        stream.lines[bus.off : bus.off + bus.n_taps] = 0.0
+        stream.quiet[b] = bus.n_taps
     reset_chain(core, p)
-    me.left = me.right = settings.gain
+    me.left = me.right = settings_of(core).gain
     me.dc_in = me.dc_out = me.dc_in_right = me.dc_out_right = 0.0
     me.still = 1
     me.silenced += 1

@@ -38,7 +38,7 @@ from synth.engine.core import CORE_PARTS
 from synth.engine.engine import Engine
 from synth.engine.memory_map import EngineMemory
 from synth.engine.parameters import Parameter
-from synth.engine.voices.voice_table import Voices
+from synth.engine.voices.voice_table import VOICE_PARTS, Voices
 from synth.instrument.preset import Preset
 from synth.jit.entries import entered
 from synth.jit.kernel_sources import sources_id
@@ -495,7 +495,7 @@ def _add_tables(memory: Memory, inside: EngineMemory) -> None:
     memory.add(CORE, inside.core, points=pointers(core, *CORE_PARTS), content=core)
     voices = inside.voices.copy()
     called = [word_of(Voices, name) for name in ("respond", "core", "thread")]
-    memory.add(CORE, inside.voices, points=[*pointers(voices, Voices), *called], content=voices)
+    memory.add(CORE, inside.voices, points=[*pointers(voices, *VOICE_PARTS), *called], content=voices)
     models = strings.model_tables.copy()
     step, words, points = word_of(StringModel, "step"), models.shape[2], []
     for number, row in enumerate(models.reshape(-1, words)):
