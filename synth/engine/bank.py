@@ -31,6 +31,7 @@ from synth.engine.layout import (
     Bank,
     Shared,
     Sounding,
+    SpanWork,
     State,
     Stream,
 )
@@ -505,7 +506,7 @@ def _end(offsets: np.ndarray, sizes: np.ndarray) -> int:
 
 
 def _sizes(bank: Bank, span: int) -> dict[str, int]:
-    """Extents of a State, a Stream and of Shared, for spans of so many quanta."""
+    """Extents of a State, a Stream, of Shared and a SpanWork, for spans of so many quanta."""
     strings, buses = bank.strings, bank.buses
     return {
         "strings": strings.size,
@@ -628,12 +629,13 @@ def _flight_of_its_own(flight: StringModel, own: Coefficients) -> StringModel:
     return flight._replace(rows=rows, single_rows=flight.single_rows[:, :0])
 
 
-def new_shared(bank: Bank, span: int, entries: tuple[int, int, int, int, int], strings: Strings) -> Shared:
-    """Work arrays for spans of so many quanta; `tasks.entries`."""
-    shared = allocate(Shared, _sizes(bank, span))
+def new_shared(bank: Bank, span: int, entries: tuple[int, int, int, int, int], strings: Strings) -> tuple[Shared, SpanWork]:
+    """What asks and finds these strings, and work arrays for spans of so many quanta; `tasks.entries`."""
+    sizes = _sizes(bank, span)
+    shared = allocate(Shared, sizes)
     shared.task[[WORK_ON, STEP, TOGETHER, OFF_BOARD, STEP_TWO]] = entries
     strings.point(shared)
-    return shared
+    return shared, allocate(SpanWork, sizes)
 
 
 def new_scratch(bank: Bank) -> Scratch:

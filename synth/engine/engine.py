@@ -32,12 +32,11 @@ from synth.engine.bank import (
     new_stream,
     span_quanta,
 )
-from synth.engine.core import CORE_PARTS
 from synth.engine.effect_chains import Chains
 from synth.engine.engine_settings import EngineOptions, EngineSettings
 from synth.engine.excite import Excitations
 from synth.engine.hands import voices_for
-from synth.engine.layout import Bank, Effects, Settings, Shared, Sounding, State, Stream
+from synth.engine.layout import CORE_PARTS, Bank, Effects, Settings, Shared, Sounding, SpanWork, State, Stream
 from synth.engine.memory_map import EngineMemory
 from synth.engine.numbers import a_count, a_number
 from synth.engine.parameters import GAIN_SMOOTHING_S, Bindings, Parameter, bound_rows, parameters_of
@@ -326,7 +325,9 @@ class Engine(Uncopied):
         self._built = built
         self._strings = Strings(built)
         called = entries(bool(built.bodies), bool(built.boards))
-        self._shared: Shared = new_shared(bank, self._core_settings.span, called, self._strings)
+        self._shared: Shared
+        self._span: SpanWork
+        self._shared, self._span = new_shared(bank, self._core_settings.span, called, self._strings)
         self._excitations.point(self._shared)
         self._scratch = new_scratch(bank), new_scratch(bank)
         self._thread_table = table(*self._scratch)
@@ -397,9 +398,9 @@ class Engine(Uncopied):
         return pitch
 
     def _core_table(self, bank: Bank) -> np.ndarray:
-        """`core.CORE_PARTS` as they now are."""
+        """`layout.CORE_PARTS` as they now are."""
         changing = self._state, self._stream, self._sounding
-        return table(bank, *changing, self._shared, self._core_settings, self._effects)
+        return table(bank, *changing, self._shared, self._span, self._core_settings, self._effects)
 
     def _place_voices(self) -> None:
         """The voice policy's table, which leads to the core's."""
@@ -416,7 +417,7 @@ class Engine(Uncopied):
         if workers > 0:
             self._worker_scratch = [(new_scratch(bank), new_scratch(bank)) for _ in range(workers)]
             scratches = [table(*scratch) for scratch in self._worker_scratch]
-            arrays = bank, self._state, self._stream, self._sounding, self._shared
+            arrays = bank, self._state, self._stream, self._sounding, self._shared, self._span
             keep = (*arrays, self._strings, self._excitations, self._worker_scratch)
             self._team = Team(self, self._core, self._shared.team, scratches, keep)
         else:
@@ -472,6 +473,7 @@ class Engine(Uncopied):
             self._stream,
             self._sounding,
             self._shared,
+            self._span,
             self._core_settings,
             self._effects,
             self._chains,

@@ -33,6 +33,7 @@ from synth.engine.core import (
     progress_of,
     scratch_of,
     shared_of,
+    span_of,
     stream_of,
     string_of,
     stroke_of,
@@ -155,7 +156,7 @@ def row_of(core: int, s: int, start: int, frames: int):
     """Where a string's steps of these frames of the span go; what lies between them and earlier ones is nothing."""
     fixed = bank_of(core).strings[s]
     progress = progress_of(core, s)
-    row = shared_of(core).rows[fixed.row :]
+    row = span_of(core).rows[fixed.row :]
     at = start * fixed.factor
     if progress.row_from == progress.row_to:
         progress.row_from = at
@@ -170,7 +171,7 @@ def direct_row(core: int, s: int, start: int, frames: int):
     """The same for its frames in flight."""
     fixed = bank_of(core).strings[s]
     progress = progress_of(core, s)
-    row = shared_of(core).direct[fixed.direct :]
+    row = span_of(core).direct[fixed.direct :]
     if progress.direct_from == progress.direct_to:
         progress.direct_from = start
     elif progress.direct_to < start:
@@ -182,7 +183,7 @@ def direct_row(core: int, s: int, start: int, frames: int):
 @njit(**CORE)
 def fade(core: int, s: int, start: int, frames: int) -> None:
     """Add what still fades of the last changes during these frames of the span, behind what the string has given."""
-    bank, stream, shared = bank_of(core), stream_of(core), shared_of(core)
+    bank, stream, span = bank_of(core), stream_of(core), span_of(core)
     motion = motion_of(core, s)
     count = min(frames, motion.fade_to - motion.fade_at)
     if count <= 0:
@@ -193,11 +194,11 @@ def fade(core: int, s: int, start: int, frames: int) -> None:
         row_of(core, s, start, count)[:] = 0.0
     else:
         direct_row(core, s, start, count)[:] = 0.0
-    row = shared.rows[fixed.row + start * factor :]
+    row = span.rows[fixed.row + start * factor :]
     kept = stream.fade[fixed.fade + motion.fade_at * factor :]
     for k in range(count * factor):
         row[k] += kept[k]
-    direct = shared.direct[fixed.direct + start :]
+    direct = span.direct[fixed.direct + start :]
     direct_kept = stream.direct_fade[s, motion.fade_at :]
     for i in range(count):
         direct[i] += direct_kept[i]

@@ -557,7 +557,7 @@ PLAIN, ALTERED, FLIGHT, ALTERED_FLIGHT = range(4)
 
 
 class Shared(NamedTuple):
-    """Work arrays of one span that all threads see; they carry no sound from span to span."""
+    """What threads share: what is asked of them, and where everything is found."""
 
     task: Annotated[np.ndarray, i8("N_TASK")]  # what is asked of the strings, see above
     queue: Annotated[np.ndarray, i8("strings")]  # instruments at work
@@ -568,6 +568,11 @@ class Shared(NamedTuple):
     board_at: Annotated[np.ndarray, i8("models")]  # addresses of the Board under every model; 0: there is none
     excitation: Annotated[np.ndarray, i8("parts, 3")]  # of every part whose hand does not pluck, see below; else 0
     team: Annotated[np.ndarray, i8("N_WORDS")]  # control words of the workers, see `team`
+
+
+class SpanWork(NamedTuple):
+    """Work arrays of one span that all threads see; they carry no sound from span to span."""
+
     rows: Annotated[np.ndarray, f8("string_rows")]  # outputs of every string, from STRING.row
     direct: Annotated[np.ndarray, f8("strings*frames")]  # its outputs in flight, from STRING.direct
     radiated: Annotated[np.ndarray, f8("bodies, 2, frames")]  # of every body, left and right
@@ -580,3 +585,7 @@ class Shared(NamedTuple):
     frame: Annotated[np.ndarray, f8("frames")]
     phases: Annotated[np.ndarray, f8("phases")]  # a line split by the decimator
     mix: Annotated[np.ndarray, f8("frames, 2")]
+
+
+#: what stands in the table of a core, in this order
+CORE_PARTS: tuple[Any, ...] = (Bank, State, Stream, Sounding, Shared, SpanWork, Settings, Effects)

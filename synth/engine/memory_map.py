@@ -16,7 +16,7 @@ import numpy as np
 from synth.engine.bank import Built, Strings
 from synth.engine.effect_chains import Chains
 from synth.engine.excite import Excitations
-from synth.engine.layout import Effects, Settings, Shared, Sounding, State, Stream
+from synth.engine.layout import Effects, Settings, Shared, Sounding, SpanWork, State, Stream
 from synth.solver.stringmodel import Scratch
 
 
@@ -27,10 +27,10 @@ class EngineMemory:
     built          constants: Bank, models, flights
     state, stream  what events have set; those that wait, and sound on its way out
     sounding       what changes of the strings while they sound, beside their modes and contacts
-    shared         work arrays of all threads
+    shared, span   what threads share, and their work arrays
     strings        what changes of the strings, with the tables of their models, states, ends and boards
     scratch        work arrays of the thread that calls `process`
-    core, thread   tables that the native core is called with: `core.CORE_PARTS`, two Scratch
+    core, thread   tables that the native core is called with: `layout.CORE_PARTS`, two Scratch
     voices         table of the voice policy
     effect_tables  table of each effect in `chains.placed`
     """
@@ -40,6 +40,7 @@ class EngineMemory:
     stream: Stream
     sounding: Sounding
     shared: Shared
+    span: SpanWork
     settings: Settings
     effects: Effects
     chains: Chains

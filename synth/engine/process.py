@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from numba import float64, from_dtype, int64, njit
 
-from synth.engine.core import bank_of, progress_of, settings_of, shared_of, state_of, stream_of, voice_of
+from synth.engine.core import bank_of, progress_of, settings_of, shared_of, span_of, state_of, stream_of, voice_of
 from synth.engine.expression import approach, control_share
 from synth.engine.instruments import cost, is_awake
 from synth.engine.layout import (
@@ -177,15 +177,15 @@ def quantum_with_events(core: int, thread: int, start: int) -> None:
 @njit(**CORE)
 def _smooth_controls(core: int, k: int) -> None:
     """Bends, vibrato and heights of quantum k of the span."""
-    bank, state, shared = bank_of(core), state_of(core), shared_of(core)
+    bank, state, span = bank_of(core), state_of(core), span_of(core)
     share = control_share(core)
     for c in range(state.channels.size):
         channel = state.channels[c]
         channel.bend = approach(channel.bend, channel.bend_raw * channel.bend_range, share, 1e-4)
-        shared.bends[k, c] = channel.bend
+        span.bends[k, c] = channel.bend
         channel.shaking = approach(channel.shaking, channel.wheel, share, 1e-4)
-        shared.shakes[k, c] = channel.shaking
+        span.shakes[k, c] = channel.shaking
     for p in range(bank.parts.size):
         part = state.part_state[p]
         part.height = approach(part.height, 1e-6 * state.parameters[p, HEIGHT], share, 1e-10)
-        shared.heights[k, p] = part.height
+        span.heights[k, p] = part.height
