@@ -378,13 +378,13 @@ def test_the_driver_steps_as_the_twin_does(scheme, restitution):
     state = driver.start_run(model, q, v, np.zeros(3), 1, 61, False, True)
     risen = 0.0
     for before, after in pairwise(path):
-        common = (model.omega, model.sigma, string.linear_density_kg_m, dt, model.shapes)
+        common = (model.modes.omega, model.modes.sigma, string.linear_density_kg_m, dt, model.under.shapes)
         if scheme == "exact-hold":
-            step = exact_hold_step(*common, model.eta + after, model.residual, q, v)
+            step = exact_hold_step(*common, model.under.eta + after, model.under.residual, q, v)
         else:
             moves = (risen / dt, (after - before) / dt)
             filtered = scheme == "moreau-jean-filtered"
-            step = moreau_jean_step(*common, model.eta + before, restitution, filtered, q, v, obstacle=moves)
+            step = moreau_jean_step(*common, model.under.eta + before, restitution, filtered, q, v, obstacle=moves)
         driver.run(model, state, 1, heights=np.array([before, after]))
         np.testing.assert_allclose(state.q, step.q, rtol=0, atol=1e-11 * np.abs(q).max())
         np.testing.assert_allclose(state.v, step.v, rtol=0, atol=1e-11 * np.abs(v).max() + 1e-15)
@@ -462,7 +462,7 @@ def test_a_bend_under_a_standing_contact(modes):
     must_hold(result)
     bent = scene_of(case).bent_model(700.0)
     # the two-point static problem on all modes
-    compliance = (bent.shapes / (bent.mu * bent.omega**2)) @ bent.shapes.T + bent.residual
+    compliance = (bent.under.shapes / (bent.modes.mu * bent.modes.omega**2)) @ bent.under.shapes.T + bent.under.residual
     np.testing.assert_allclose(result.contact_force[-1], np.linalg.solve(compliance, [1e-3, 1e-3]), rtol=1e-6)
     np.testing.assert_allclose(result.u_contact, 1e-3, rtol=0, atol=1e-12)
     assert result.contact_force[-1].sum() / result.contact_force[0].sum() == pytest.approx(2.0 ** (700 / 600), rel=1e-3)
@@ -478,11 +478,11 @@ def test_a_bend_that_goes_back_ends_where_it_began():
     assert 100 < len(changes) < 140 and changes[-1][1] == pytest.approx(0.0, abs=1e-9)
     assert max(cents for _, cents in changes) == pytest.approx(500.0)
     again = scene.bent_model(0.0)
-    np.testing.assert_allclose(again.omega, scene.omega, rtol=1e-14)
-    np.testing.assert_allclose(again.residual, scene.residual, rtol=1e-12)
+    np.testing.assert_allclose(again.modes.omega, scene.omega, rtol=1e-14)
+    np.testing.assert_allclose(again.under.residual, scene.residual, rtol=1e-12)
     up = scene.bent_model(500.0)
-    assert up.omega[0] / scene.omega[0] == pytest.approx(2.0 ** (500 / 1200), rel=1e-12)
-    assert up.omega[-1] / scene.omega[-1] < 2.0 ** (500 / 1200) - 1e-3  # stiffness does not bend
+    assert up.modes.omega[0] / scene.omega[0] == pytest.approx(2.0 ** (500 / 1200), rel=1e-12)
+    assert up.modes.omega[-1] / scene.omega[-1] < 2.0 ** (500 / 1200) - 1e-3  # stiffness does not bend
 
 
 @pytest.mark.parametrize("name", ["tanpura", "bass", "hard/highest-sitar"])
@@ -493,7 +493,7 @@ def test_residual_compliance_of_a_bent_string(name, cents):
     Linear in x = 1/T over a relative step δ = 0.029 errs by δ²/8 · x²R''/R at most, and that factor is ≤ 2 for either law.
     """
     scene = scene_of(name)
-    got = scene.bent_model(cents).residual
+    got = scene.bent_model(cents).under.residual
     exact = residual_compliance(
         tuned(scene.string, float(scene.omega[0]) * 2.0 ** (cents / 1200) / (2.0 * np.pi)), scene.positions, scene.omega.size
     )
@@ -508,10 +508,10 @@ def test_measured_modes_are_bent_as_the_models(tmp_path):
     case["string"]["measured"] = {"file": str(tmp_path / "modes.npz")}
     scene = scene_of(case)
     bent = scene.bent_model(300.0)
-    share = plain.omega / scene_of("hard/bend").omega
-    np.testing.assert_allclose(bent.omega[:2], 2.0 * np.pi * np.array([100.0, 205.0]) * share[:2], rtol=1e-12)
-    np.testing.assert_array_equal(bent.omega[2:], plain.omega[2:])
-    assert bent.sigma[0] == pytest.approx(plain.sigma[0] / scene_of("hard/bend").sigma[0], rel=1e-12)
+    share = plain.modes.omega / scene_of("hard/bend").omega
+    np.testing.assert_allclose(bent.modes.omega[:2], 2.0 * np.pi * np.array([100.0, 205.0]) * share[:2], rtol=1e-12)
+    np.testing.assert_array_equal(bent.modes.omega[2:], plain.modes.omega[2:])
+    assert bent.modes.sigma[0] == pytest.approx(plain.modes.sigma[0] / scene_of("hard/bend").sigma[0], rel=1e-12)
 
 
 @pytest.mark.parametrize("scheme", ["exact-hold", "moreau-jean", "moreau-jean-filtered"])
@@ -572,7 +572,7 @@ CLAMPED = {
 
 def rounded_forces(case, result):
     """ε G λ² over the energy: what a step makes of forces' rounding, 1e-16 of each (`schemes.clamping_warning`)."""
-    g = scene_of(case).model.g.diagonal()
+    g = scene_of(case).model.string.matrix.diagonal()
     return EPS * float((g * result.contact_force.max(axis=0) ** 2).max()) / max(had(result).max(), SMALLEST)
 
 

@@ -66,7 +66,7 @@ def test_free_flight_is_exact_at_any_rate(rate):
     result = simulate(case)
     scene = Scene(Case.model_validate(case), Path())
     q, _ = scene.initial()
-    w, s, t = scene.model.omega, scene.model.sigma, result.t[:, None]
+    w, s, t = scene.model.modes.omega, scene.model.modes.sigma, result.t[:, None]
     root = np.sqrt((w**2 - s**2).astype(complex))
     motion = (np.exp(-s * t) * (np.cos(root * t) + s * np.sin(root * t) / root)).real * q
     rounding = 1e-12 + 0.1 * rate * np.finfo(float).eps  # an ulp a step
@@ -529,8 +529,8 @@ def test_measured_modes_replace_the_first_ones(tmp_path):
         """
     )
     model = Scene(load_case(case), tmp_path).model
-    np.testing.assert_allclose(model.omega[:3] / (2 * np.pi), [100.0, 205.0, 300.0], rtol=1e-12)
-    np.testing.assert_allclose(model.sigma[:3], [1.0, 2.0, 3.0])
+    np.testing.assert_allclose(model.modes.omega[:3] / (2 * np.pi), [100.0, 205.0, 300.0], rtol=1e-12)
+    np.testing.assert_allclose(model.modes.sigma[:3], [1.0, 2.0, 3.0])
     assert simulate(case).u[0, 0] == pytest.approx(np.sqrt(2) * 100.0)
 
 

@@ -25,6 +25,7 @@ from synth.engine.core import (
     second_thread,
     settings_of,
     shared_of,
+    span_of,
     state_of,
     string_of,
     stroke_of,
@@ -114,25 +115,25 @@ def unchanged_quanta(core: int, thread: int, s: int, k: int) -> int:
 @njit(**CORE)
 def goes_on(core: int, s: int, k: int) -> bool:
     """Whether `begin_quantum` of quantum k would change nothing about a string in one direction that no finger is at."""
-    shared, state = shared_of(core), state_of(core)
+    shared, span, state = shared_of(core), span_of(core), state_of(core)
     if (shared.task[FIRST_QUANTUM] + k) % CHECK_EVERY == 0 or not is_settled(core, s):
         return False
     voice, expression = voice_of(core, s), expression_of(core, s)
-    bend = bend_of(core, s, k, shared.bends[k, voice.channel], shared.bends[k, state.channels[voice.channel].master])
+    bend = bend_of(core, s, k, span.bends[k, voice.channel], span.bends[k, state.channels[voice.channel].master])
     return (
-        bend == expression.bend and height_of(core, s, shared.heights[k, bank_of(core).strings[s].part]) == expression.height
+        bend == expression.bend and height_of(core, s, span.heights[k, bank_of(core).strings[s].part]) == expression.height
     )
 
 
 @njit(**CORE)
 def follow_quantum(core: int, s: int, k: int) -> None:
     """A string's bend and the height of its obstacle in quantum k of the span."""
-    state, shared = state_of(core), shared_of(core)
+    state, shared, span = state_of(core), shared_of(core), span_of(core)
     voice, hand, expression = voice_of(core, s), hand_of(core, s), expression_of(core, s)
     follow(core, s)
     press_on(core, s)
-    bend = bend_of(core, s, k, shared.bends[k, voice.channel], shared.bends[k, state.channels[voice.channel].master])
-    height = height_of(core, s, shared.heights[k, bank_of(core).strings[s].part])
+    bend = bend_of(core, s, k, span.bends[k, voice.channel], span.bends[k, state.channels[voice.channel].master])
+    height = height_of(core, s, span.heights[k, bank_of(core).strings[s].part])
     if bank_of(core).strings[s].axial_stiffness > 0.0:
         bend = bend_with_motion(core, s, k, bend)
     if bank_of(core).models[hand.model].contacts == 0 and shared.board_at[hand.model] == 0:
@@ -332,26 +333,26 @@ def _span_of(place: int, begin: int, end: int, start: int):
 @njit(**CORE)
 def _sounds(core: int, s: int, start: int) -> bool:
     """Whether what the string has given since frame `start` of the span is finite and below `BLOWN_UP`."""
-    shared = shared_of(core)
+    span = span_of(core)
     fixed = bank_of(core).strings[s]
     progress = progress_of(core, s)
     first, end = _span_of(fixed.row, progress.row_from, progress.row_to, start * fixed.factor)
-    row = shared.rows[first:end]
+    row = span.rows[first:end]
     first, end = _span_of(fixed.direct, progress.direct_from, progress.direct_to, start)
-    direct = shared.direct[first:end]
+    direct = span.direct[first:end]
     return dot(row, row) <= BLOWN_UP * BLOWN_UP and dot(direct, direct) <= BLOWN_UP * BLOWN_UP
 
 
 @njit(**CORE)
 def _silence(core: int, s: int, start: int) -> None:
     """The string has blown up: what it has given since frame `start` is taken back, and it sleeps until it is plucked."""
-    shared, string = shared_of(core), string_of(core, s)
+    span, string = span_of(core), string_of(core, s)
     fixed = bank_of(core).strings[s]
     motion, progress = motion_of(core, s), progress_of(core, s)
     first, end = _span_of(fixed.row, progress.row_from, progress.row_to, start * fixed.factor)
-    shared.rows[first:end] = 0.0
+    span.rows[first:end] = 0.0
     first, end = _span_of(fixed.direct, progress.direct_from, progress.direct_to, start)
-    shared.direct[first:end] = 0.0
+    span.direct[first:end] = 0.0
     string.u[:] = 0.0
     string.v_contact[:] = 0.0
     string.force[:] = 0.0

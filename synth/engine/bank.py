@@ -31,7 +31,9 @@ from synth.engine.layout import (
     Bank,
     Shared,
     Sounding,
+    SpanWork,
     State,
+    Stream,
 )
 from synth.engine.pressed_flight import pressed_numbers
 from synth.engine.team import N_WORDS
@@ -503,8 +505,8 @@ def _end(offsets: np.ndarray, sizes: np.ndarray) -> int:
     return int((offsets + sizes).max(initial=0))
 
 
-def _state_sizes(bank: Bank, span: int) -> dict[str, int]:
-    """Extents of a State and of Shared, for spans of so many quanta."""
+def _sizes(bank: Bank, span: int) -> dict[str, int]:
+    """Extents of a State, a Stream, of Shared and a SpanWork, for spans of so many quanta."""
     strings, buses = bank.strings, bank.buses
     return {
         "strings": strings.size,
@@ -538,21 +540,23 @@ def new_sounding(bank: Bank) -> Sounding:
     return sounding
 
 
-def new_state(bank: Bank, span: int, parameters: np.ndarray, effects: Mapping[str, np.ndarray]) -> State:
-    """A State in which nothing sounds and every controller has its power-up value, for spans of so many quanta.
-
-    effects: its fields effect_numbers and effect_counts at rest.
-    """
-    sizes = {**_state_sizes(bank, span), **{name: array.size for name, array in effects.items()}}
-    state = allocate(State, sizes, parameters=parameters.copy())
-    for name, array in effects.items():
-        getattr(state, name)[:] = array
+def new_state(bank: Bank, parameters: np.ndarray) -> State:
+    """A State in which every controller has its power-up value."""
+    state = allocate(State, _sizes(bank, 0), parameters=parameters.copy())
     power_up(state.channels)
     part_state = state.part_state
     part_state["left"] = part_state["right"] = 1.0
     part_state["channel"] = bank.parts["channel"]
-    state.quiet[:] = bank.buses["n_taps"]
     return state
+
+
+def new_stream(bank: Bank, span: int, effects: Mapping[str, np.ndarray]) -> Stream:
+    """A Stream in which nothing sounds, for spans of so many quanta. effects: effect_numbers and effect_counts at rest."""
+    stream = allocate(Stream, _sizes(bank, span) | {name: array.size for name, array in effects.items()})
+    for name, array in effects.items():
+        getattr(stream, name)[:] = array
+    stream.quiet[:] = bank.buses["n_taps"]
+    return stream
 
 
 #: places of a model's tables in Shared.model_at
@@ -625,12 +629,13 @@ def _flight_of_its_own(flight: StringModel, own: Coefficients) -> StringModel:
     return flight._replace(rows=rows, single_rows=flight.single_rows[:, :0])
 
 
-def new_shared(bank: Bank, span: int, entries: tuple[int, int, int, int, int], strings: Strings) -> Shared:
-    """Work arrays for spans of so many quanta; `tasks.entries`."""
-    shared = allocate(Shared, _state_sizes(bank, span))
+def new_shared(bank: Bank, span: int, entries: tuple[int, int, int, int, int], strings: Strings) -> tuple[Shared, SpanWork]:
+    """What asks and finds these strings, and work arrays for spans of so many quanta; `tasks.entries`."""
+    sizes = _sizes(bank, span)
+    shared = allocate(Shared, sizes)
     shared.task[[WORK_ON, STEP, TOGETHER, OFF_BOARD, STEP_TWO]] = entries
     strings.point(shared)
-    return shared
+    return shared, allocate(SpanWork, sizes)
 
 
 def new_scratch(bank: Bank) -> Scratch:

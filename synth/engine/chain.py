@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from synth.engine.core import effects_of, state_of
+from synth.engine.core import effects_of, stream_of
 from synth.engine.layout import CORE
 from synth.native.views import address_of, call_back, query
 
@@ -30,10 +30,10 @@ def chain_is_silent(core: int, chain: int) -> bool:
 @njit(**CORE)
 def reset_chain(core: int, chain: int) -> None:
     """The effects of a chain forget all they have heard."""
-    effects, state = effects_of(core), state_of(core)
+    effects, stream = effects_of(core), stream_of(core)
     for i in range(effects.chains[chain, 0], effects.chains[chain, 1]):
         placed = effects.placed[i]
         for k in range(placed.number, placed.end_number):
-            state.effect_numbers[k] = effects.numbers[k]
+            stream.effect_numbers[k] = effects.numbers[k]
         for k in range(placed.count, placed.end_count):
-            state.effect_counts[k] = effects.counts[k]
+            stream.effect_counts[k] = effects.counts[k]

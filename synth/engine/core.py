@@ -10,24 +10,20 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from numba import njit
 
-from synth.engine.layout import ALTERED_FLIGHT, CONSTANTS, FLIGHT, WAIT, Bank, Effects, Settings, Shared, Sounding, State
+from synth.engine.layout import ALTERED_FLIGHT, CONSTANTS, CORE_PARTS, FLIGHT, WAIT
 from synth.native.views import opener, words
 from synth.solver.stringmodel import Scratch, string_model, string_state
 from synth.solver.stringmodel import scratch_of as scratch_of
 
-#: what stands in the table of a core, in this order
-CORE_PARTS: tuple[Any, ...] = (Bank, State, Sounding, Shared, Settings, Effects)
-#: …and how many words it takes
+#: words that the table of a core takes
 CORE_WORDS = sum(map(words, CORE_PARTS))
 #: length of a Scratch in the table of a thread
 _SCRATCH_BYTES = 8 * words(Scratch)
 
 #: (core) → the Bank, State, … that are there, in compiled code
-bank_of, state_of, sounding_of, shared_of, settings_of, effects_of = (
+bank_of, state_of, stream_of, sounding_of, shared_of, span_of, settings_of, effects_of = (
     opener(kind, sum(map(words, CORE_PARTS[:before]))) for before, kind in enumerate(CORE_PARTS)
 )
 

@@ -12,7 +12,7 @@ from synth.dsp.body_effect import BODY
 from synth.dsp.delay_effect import DELAY, Delaying
 from synth.dsp.effect import Effect, check_state, compiled
 from synth.dsp.limiter_effect import LIMITER, Limiting
-from synth.engine.layout import PLACED, QUANTUM, RING, SPAN, Effects, State
+from synth.engine.layout import PLACED, QUANTUM, RING, SPAN, Effects, Stream
 from synth.instrument.effects import EffectTable, effect_of
 from synth.instrument.preset import Preset
 from synth.native.arrays import aligned, allocate, record, whole_lines
@@ -31,7 +31,7 @@ class Link(NamedTuple):
 
 @dataclass(frozen=True)
 class Placed:
-    """An effect made, and where its arrays begin among State.effect_numbers and .effect_counts."""
+    """An effect made, and where its arrays begin among Stream.effect_numbers and .effect_counts."""
 
     effect: Effect
     made: Any
@@ -93,15 +93,15 @@ class Chains:
                 view[:] = rest
 
     def at_rest(self) -> dict[str, np.ndarray]:
-        """State.effect_numbers and .effect_counts to begin with."""
+        """Stream.effect_numbers and .effect_counts to begin with."""
         return {"effect_numbers": self._numbers, "effect_counts": self._counts}
 
-    def bound(self, state: State) -> tuple[Effects, list[np.ndarray]]:
-        """What the core needs to run the chains on this State, and the tables that it points to."""
+    def bound(self, stream: Stream) -> tuple[Effects, list[np.ndarray]]:
+        """What the core needs to run the chains on this Stream, and the tables that it points to."""
         compiled(LIMITER)  # even if there is none: what will be compiled is counted before (`jit.compiling`)
         tables, rows = [], []
         for placed in self.placed:
-            tables.append(table(placed.made, placed.state(state.effect_numbers, state.effect_counts)))
+            tables.append(table(placed.made, placed.state(stream.effect_numbers, stream.effect_counts)))
             process, silent = compiled(placed.effect)
             number, end_number = _extent(placed, "f")
             count, end_count = _extent(placed, "i")
@@ -126,11 +126,11 @@ class Chains:
         arrays = {"chains": self._chains, "numbers": self._numbers, "counts": self._counts}
         return allocate(Effects, sizes, placed=np.array(rows, PLACED), **arrays), tables
 
-    def limiter(self, state: State) -> Any:
+    def limiter(self, stream: Stream) -> Any:
         """The state of the limiter, None without one."""
         for placed in self.placed:
             if placed.effect is LIMITER:
-                return placed.state(state.effect_numbers, state.effect_counts)
+                return placed.state(stream.effect_numbers, stream.effect_counts)
         return None
 
 

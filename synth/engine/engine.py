@@ -29,14 +29,14 @@ from synth.engine.bank import (
     new_shared,
     new_sounding,
     new_state,
+    new_stream,
     span_quanta,
 )
-from synth.engine.core import CORE_PARTS
 from synth.engine.effect_chains import Chains
 from synth.engine.engine_settings import EngineOptions, EngineSettings
 from synth.engine.excite import Excitations
 from synth.engine.hands import voices_for
-from synth.engine.layout import Bank, Effects, Settings, Shared, Sounding, State
+from synth.engine.layout import CORE_PARTS, Bank, Effects, Settings, Shared, Sounding, SpanWork, State, Stream
 from synth.engine.memory_map import EngineMemory
 from synth.engine.numbers import a_count, a_number
 from synth.engine.parameters import GAIN_SMOOTHING_S, Bindings, Parameter, bound_rows, parameters_of
@@ -325,17 +325,20 @@ class Engine(Uncopied):
         self._built = built
         self._strings = Strings(built)
         called = entries(bool(built.bodies), bool(built.boards))
-        self._shared: Shared = new_shared(bank, self._core_settings.span, called, self._strings)
+        self._shared: Shared
+        self._span: SpanWork
+        self._shared, self._span = new_shared(bank, self._core_settings.span, called, self._strings)
         self._excitations.point(self._shared)
         self._scratch = new_scratch(bank), new_scratch(bank)
         self._thread_table = table(*self._scratch)
-        at_rest = bank, self._core_settings.span, default_parameters(compiled), self._chains.at_rest()
-        self._state: State = new_state(*at_rest)
+        parameters, at_rest = default_parameters(compiled), (bank, self._core_settings.span, self._chains.at_rest())
+        self._state: State = new_state(bank, parameters)
+        self._stream: Stream = new_stream(*at_rest)
         self._sounding: Sounding = new_sounding(bank)
-        self._fresh = (*new_state(*at_rest), *new_sounding(bank))
+        self._fresh = (*new_state(bank, parameters), *new_stream(*at_rest), *new_sounding(bank))
         self._effects: Effects
-        self._effects, self._effect_tables = self._chains.bound(self._state)
-        self._core = table(bank, self._state, self._sounding, self._shared, self._core_settings, self._effects)
+        self._effects, self._effect_tables = self._chains.bound(self._stream)
+        self._core = self._core_table(bank)
         self._shared.task[layout.HANDLE] = policy.entry(self._policy).address
         self._observed = None
         self._bank = bank
@@ -375,7 +378,7 @@ class Engine(Uncopied):
             self._core_settings = self._core_settings._replace(seed=self.settings.seed)
             settings, at = table(self._core_settings), sum(map(words, CORE_PARTS[: CORE_PARTS.index(Settings)]))
             self._core[at : at + settings.size] = settings
-        for mine, fresh in zip((*self._state, *self._sounding), self._fresh, strict=True):
+        for mine, fresh in zip((*self._state, *self._stream, *self._sounding), self._fresh, strict=True):
             bytes_of(mine[: len(fresh)])[:] = bytes_of(fresh)
         self._strings.reset()
         self._shared.task[layout.UNTIL] = 0
@@ -394,11 +397,16 @@ class Engine(Uncopied):
             pitch[given] = [hz_to_midi(float(self.note_hz[key])) for key in given]
         return pitch
 
+    def _core_table(self, bank: Bank) -> np.ndarray:
+        """`layout.CORE_PARTS` as they now are."""
+        changing = self._state, self._stream, self._sounding
+        return table(bank, *changing, self._shared, self._span, self._core_settings, self._effects)
+
     def _place_voices(self) -> None:
         """The voice policy's table, which leads to the core's; and where that is."""
         self._addresses = self._core.ctypes.data, self._thread_table.ctypes.data
-        arrays = self._prepared(), self._state, self._sounding, self._shared
-        self._voices = table(voices_for(*arrays, self._core_settings, *self._addresses))
+        seen = voices_for(self._prepared(), self._sounding, self._core_settings, *self._addresses)
+        self._voices = table(seen, self._state)
         self._shared.task[layout.VOICES] = self._voices.ctypes.data
 
     def _make_team(self) -> None:
@@ -409,7 +417,7 @@ class Engine(Uncopied):
         if workers > 0:
             self._worker_scratch = [(new_scratch(bank), new_scratch(bank)) for _ in range(workers)]
             scratches = [table(*scratch) for scratch in self._worker_scratch]
-            arrays = bank, self._state, self._sounding, self._shared
+            arrays = bank, self._state, self._stream, self._sounding, self._shared, self._span
             keep = (*arrays, self._strings, self._excitations, self._worker_scratch)
             self._team = Team(self, self._core, self._shared.team, scratches, keep)
         else:
@@ -444,9 +452,9 @@ class Engine(Uncopied):
             shape = (len(self.parts), len(out), 2)
             stems = arguments.output("stems", stems, shape, str(shape))
         events = arguments.events(events, len(out), len(self.parts))
-        room = self._state.pending.size - int(self._state.counters[layout.PENDING])
+        room = self._stream.pending.size - int(self._state.counters[layout.PENDING])
         if events.size > room:  # more events in one block than the queue holds: a larger queue
-            self._grow_queue(2 * (self._state.pending.size + events.size))
+            self._grow_queue(2 * (self._stream.pending.size + events.size))
         process(*self._addresses, events, out, stems)
 
     @property
@@ -462,8 +470,10 @@ class Engine(Uncopied):
         return EngineMemory(
             self._built,
             self._state,
+            self._stream,
             self._sounding,
             self._shared,
+            self._span,
             self._core_settings,
             self._effects,
             self._chains,
@@ -595,7 +605,7 @@ class Engine(Uncopied):
         """Room for at least so many events that wait, for callers of the native core, which cannot make any."""
         self._prepared()
         events = a_count("events", events, 0, MOST_EVENTS)
-        if events > self._state.pending.size:
+        if events > self._stream.pending.size:
             self._grow_queue(events)
 
     @property
@@ -605,15 +615,15 @@ class Engine(Uncopied):
 
     def _grow_queue(self, size: int) -> None:
         bigger = np.zeros(size, EVENT)
-        bigger[: self._state.pending.size] = self._state.pending
+        bigger[: self._stream.pending.size] = self._stream.pending
         self._set_queue(bigger)
 
     def _set_queue(self, pending: np.ndarray) -> None:
         """Another array for the events that wait."""
-        state = self._state._replace(pending=np.ascontiguousarray(pending))
-        fresh = table(self._prepared(), state, self._sounding, self._shared, self._core_settings, self._effects)
+        before, self._stream = self._stream, self._stream._replace(pending=np.ascontiguousarray(pending))
+        fresh = self._core_table(self._prepared())
         self._core[: fresh.size] = fresh  # what stands behind its own parts stays
-        self._state = state
+        del before  # until now the core's
 
     @property
     def mode_steps(self) -> int:
@@ -633,7 +643,7 @@ class Engine(Uncopied):
                 unplayed.append(Unplayed(-1, int(note), count, "its channel has no preset"))
                 continue
             unplayed.append(Unplayed(int(p), int(note), count, why_unplayed(self.parts[p], int(note))))
-        limiter = self._chains.limiter(state)
+        limiter = self._chains.limiter(self._stream)
         return EngineReport(
             float(state.meters[layout.PEAK]),
             0.0 if limiter is None else largest_reduction_db(limiter),

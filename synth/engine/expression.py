@@ -11,7 +11,7 @@ import math
 from numba import njit
 
 from synth.engine.board_tables import open_string
-from synth.engine.core import bank_of, expression_of, hand_of, settings_of, shared_of, state_of, voice_of
+from synth.engine.core import bank_of, expression_of, hand_of, settings_of, shared_of, span_of, state_of, voice_of
 from synth.engine.layout import CORE, FIRST_QUANTUM, HEIGHT, NO_FINGER, PARAMETER_RANGES, QUANTUM, TOUCHED
 
 #: bends, pressures, tunings and obstacle heights follow their controls with this time constant [s]
@@ -95,15 +95,15 @@ def is_settled(core: int, s: int) -> bool:
 def vibrato_of(core: int, s: int, k: int) -> float:
     """Semitones by which the hand shakes a string in quantum k of the span: as far as the wheels of its channel and of its
     zone's master ask for, at instants that follow from the number of the quantum alone."""
-    state, shared = state_of(core), shared_of(core)
+    state, shared, span = state_of(core), shared_of(core), span_of(core)
     voice, part = voice_of(core, s), bank_of(core).parts[bank_of(core).strings[s].part]
     if part.vibrato == 0.0 or voice.idle:
         return 0.0
     c = voice.channel
     master = state.channels[c].master
-    wheel = shared.shakes[k, c]
+    wheel = span.shakes[k, c]
     if master != c:
-        wheel = min(1.0, wheel + shared.shakes[k, master])
+        wheel = min(1.0, wheel + span.shakes[k, master])
     if wheel == 0.0:
         return 0.0
     turns = (shared.task[FIRST_QUANTUM] + k) * (QUANTUM * part.vibrato_hz / settings_of(core).rate_hz)

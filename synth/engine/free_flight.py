@@ -33,7 +33,8 @@ from synth.engine.core import (
     progress_of,
     scratch_of,
     shared_of,
-    state_of,
+    span_of,
+    stream_of,
     string_of,
     stroke_of,
     tally_of,
@@ -87,7 +88,7 @@ def touch_down(core: int, thread: int, s: int) -> None:
 @njit(**CORE)
 def _keep_fade(core: int, thread: int, s: int, sign: float) -> None:
     """Add what the string would go on to do, weighed with w, to what is still to fade of earlier changes."""
-    bank, state, scratch, string = bank_of(core), state_of(core), scratch_of(thread), string_of(core, s)
+    bank, stream, scratch, string = bank_of(core), stream_of(core), scratch_of(thread), string_of(core, s)
     hand, motion = hand_of(core, s), motion_of(core, s)
     fixed = bank.strings[s]
     moving, row = string.counts[MOVING], scratch.path
@@ -96,7 +97,7 @@ def _keep_fade(core: int, thread: int, s: int, sign: float) -> None:
         model = flight_of(core, s) if direct else model_of(core, s)
         points = model.points
         n = min(moving, bank.models[hand.model].audible) if direct else moving
-        kept = state.direct_fade[s] if direct else state.fade[fixed.fade : fixed.fade + FADE * factor]
+        kept = stream.direct_fade[s] if direct else stream.fade[fixed.fade : fixed.fade + FADE * factor]
         left = max(0, motion.fade_to - motion.fade_at) * factor
         first = motion.fade_at * factor
         for k in range(left):
@@ -155,7 +156,7 @@ def row_of(core: int, s: int, start: int, frames: int):
     """Where a string's steps of these frames of the span go; what lies between them and earlier ones is nothing."""
     fixed = bank_of(core).strings[s]
     progress = progress_of(core, s)
-    row = shared_of(core).rows[fixed.row :]
+    row = span_of(core).rows[fixed.row :]
     at = start * fixed.factor
     if progress.row_from == progress.row_to:
         progress.row_from = at
@@ -170,7 +171,7 @@ def direct_row(core: int, s: int, start: int, frames: int):
     """The same for its frames in flight."""
     fixed = bank_of(core).strings[s]
     progress = progress_of(core, s)
-    row = shared_of(core).direct[fixed.direct :]
+    row = span_of(core).direct[fixed.direct :]
     if progress.direct_from == progress.direct_to:
         progress.direct_from = start
     elif progress.direct_to < start:
@@ -182,7 +183,7 @@ def direct_row(core: int, s: int, start: int, frames: int):
 @njit(**CORE)
 def fade(core: int, s: int, start: int, frames: int) -> None:
     """Add what still fades of the last changes during these frames of the span, behind what the string has given."""
-    bank, state, shared = bank_of(core), state_of(core), shared_of(core)
+    bank, stream, span = bank_of(core), stream_of(core), span_of(core)
     motion = motion_of(core, s)
     count = min(frames, motion.fade_to - motion.fade_at)
     if count <= 0:
@@ -193,12 +194,12 @@ def fade(core: int, s: int, start: int, frames: int) -> None:
         row_of(core, s, start, count)[:] = 0.0
     else:
         direct_row(core, s, start, count)[:] = 0.0
-    row = shared.rows[fixed.row + start * factor :]
-    kept = state.fade[fixed.fade + motion.fade_at * factor :]
+    row = span.rows[fixed.row + start * factor :]
+    kept = stream.fade[fixed.fade + motion.fade_at * factor :]
     for k in range(count * factor):
         row[k] += kept[k]
-    direct = shared.direct[fixed.direct + start :]
-    direct_kept = state.direct_fade[s, motion.fade_at :]
+    direct = span.direct[fixed.direct + start :]
+    direct_kept = stream.direct_fade[s, motion.fade_at :]
     for i in range(count):
         direct[i] += direct_kept[i]
     motion.fade_at += count

@@ -18,9 +18,7 @@ from synth.engine.layout import (
     WORK_ON,
     Bank,
     Settings,
-    Shared,
     Sounding,
-    State,
 )
 from synth.engine.strings import damp, let_go, pluck
 from synth.engine.voices.voice_table import CUT, GO_ON, LET_GO, PLUCK, SLUR, Voices
@@ -70,11 +68,9 @@ def respond(core: int, thread: int, action: int, place: int, velocity: int) -> N
     perform(core, thread, action, place, velocity)
 
 
-def voices_for(
-    bank: Bank, state: State, sounding: Sounding, shared: Shared, settings: Settings, core: int, thread: int
-) -> Voices:
+def voices_for(bank: Bank, sounding: Sounding, settings: Settings, core: int, thread: int) -> Voices:
     """The policy's view of an engine whose strings it moves."""
-    arrays = {**bank._asdict(), **state._asdict(), **sounding._asdict(), **shared._asdict()}
+    arrays = bank._asdict() | sounding._asdict()
     seen = {name: arrays[name] for name, field in fields(Voices).items() if field.shape}
     return Voices(
         **seen,

@@ -1,5 +1,5 @@
-"""What the native core works on beside the strings themselves (`solver.stringmodel`): a constant Bank, Sounding
-and State that change.
+"""What the native core works on beside the strings themselves (`solver.stringmodel`): a constant Bank, Sounding,
+State and Stream that change.
 
 Extents are named by what is counted; `bank` says how many there are.
 """
@@ -488,20 +488,26 @@ class Sounding(NamedTuple):
 
 
 class State(NamedTuple):
-    """Everything else that changes while sounding."""
+    """What events have set, and what is counted."""
 
     channels: Annotated[np.ndarray, struct(CHANNEL, "16")]
     part_state: Annotated[np.ndarray, struct(PART_STATE, "parts")]
     parameters: Annotated[np.ndarray, f8("parts, N_PARAMETERS")]
     tuning: Annotated[np.ndarray, f8("128")]  # semitones of every key above Bank.pitch
     zones: Annotated[np.ndarray, i8("2")]  # members of each MPE zone (`zones`), 0: there is none
-    fade: Annotated[np.ndarray, f8("fades")]  # what still fades, at the internal rate
-    direct_fade: Annotated[np.ndarray, f8("strings, FADE")]
-    pending: Annotated[np.ndarray, struct(EVENT, "PENDING_EVENTS")]
     keys: Annotated[np.ndarray, i8("16, 128")]  # number of the note that each key holds; 0: it is up
     unplayed: Annotated[np.ndarray, i8("parts + 1, 128")]  # last row: channels without a part
     counters: Annotated[np.ndarray, i8("N_COUNTERS")]
     meters: Annotated[np.ndarray, f8("N_METERS")]
+    event: Annotated[np.ndarray, struct(EVENT, "1")]  # at hand
+
+
+class Stream(NamedTuple):
+    """Events that wait, and sound on its way from the strings out."""
+
+    pending: Annotated[np.ndarray, struct(EVENT, "PENDING_EVENTS")]
+    fade: Annotated[np.ndarray, f8("fades")]  # what still fades, at the internal rate
+    direct_fade: Annotated[np.ndarray, f8("strings, FADE")]
     lines: Annotated[np.ndarray, f8("lines")]  # of every bus: the steps its decimator still needs, then those of a span
     quiet: Annotated[np.ndarray, i8("buses")]  # steps of nothing that the bus has seen last
     effect_numbers: Annotated[np.ndarray, f8("effect_numbers")]  # what the effects of all chains remember, see `Effects`
@@ -530,7 +536,7 @@ class Effects(NamedTuple):
 
     chains: Annotated[np.ndarray, i8("parts + 1, 2")]  # first of each chain among `placed`, and behind the last
     placed: Annotated[np.ndarray, struct(PLACED, "placed")]
-    numbers: Annotated[np.ndarray, f8("effect_numbers")]  # of the State, at rest
+    numbers: Annotated[np.ndarray, f8("effect_numbers")]  # of the Stream, at rest
     counts: Annotated[np.ndarray, i8("effect_counts")]
 
 
@@ -551,7 +557,7 @@ PLAIN, ALTERED, FLIGHT, ALTERED_FLIGHT = range(4)
 
 
 class Shared(NamedTuple):
-    """Work arrays of one span that all threads see; they carry no sound from span to span."""
+    """What threads share: what is asked of them, and where everything is found."""
 
     task: Annotated[np.ndarray, i8("N_TASK")]  # what is asked of the strings, see above
     queue: Annotated[np.ndarray, i8("strings")]  # instruments at work
@@ -562,6 +568,11 @@ class Shared(NamedTuple):
     board_at: Annotated[np.ndarray, i8("models")]  # addresses of the Board under every model; 0: there is none
     excitation: Annotated[np.ndarray, i8("parts, 3")]  # of every part whose hand does not pluck, see below; else 0
     team: Annotated[np.ndarray, i8("N_WORDS")]  # control words of the workers, see `team`
+
+
+class SpanWork(NamedTuple):
+    """Work arrays of one span that all threads see; they carry no sound from span to span."""
+
     rows: Annotated[np.ndarray, f8("string_rows")]  # outputs of every string, from STRING.row
     direct: Annotated[np.ndarray, f8("strings*frames")]  # its outputs in flight, from STRING.direct
     radiated: Annotated[np.ndarray, f8("bodies, 2, frames")]  # of every body, left and right
@@ -574,4 +585,7 @@ class Shared(NamedTuple):
     frame: Annotated[np.ndarray, f8("frames")]
     phases: Annotated[np.ndarray, f8("phases")]  # a line split by the decimator
     mix: Annotated[np.ndarray, f8("frames, 2")]
-    event: Annotated[np.ndarray, struct(EVENT, "1")]  # at hand
+
+
+#: what stands in the table of a core, in this order
+CORE_PARTS: tuple[Any, ...] = (Bank, State, Stream, Sounding, Shared, SpanWork, Settings, Effects)

@@ -16,7 +16,7 @@ import numpy as np
 from synth.engine.bank import Built, Strings
 from synth.engine.effect_chains import Chains
 from synth.engine.excite import Excitations
-from synth.engine.layout import Effects, Settings, Shared, Sounding, State
+from synth.engine.layout import Effects, Settings, Shared, Sounding, SpanWork, State, Stream
 from synth.solver.stringmodel import Scratch
 
 
@@ -25,19 +25,22 @@ class EngineMemory:
     """Arrays of an engine, and tables of `native.views` that lead to them.
 
     built          constants: Bank, models, flights
-    state, shared  what changes while sounding; work arrays of all threads
+    state, stream  what events have set; those that wait, and sound on its way out
     sounding       what changes of the strings while they sound, beside their modes and contacts
+    shared, span   what threads share, and their work arrays
     strings        what changes of the strings, with the tables of their models, states, ends and boards
     scratch        work arrays of the thread that calls `process`
-    core, thread   tables that the native core is called with: `core.CORE_PARTS`, two Scratch
+    core, thread   tables that the native core is called with: `layout.CORE_PARTS`, two Scratch
     voices         table of the voice policy
     effect_tables  table of each effect in `chains.placed`
     """
 
     built: Built
     state: State
+    stream: Stream
     sounding: Sounding
     shared: Shared
+    span: SpanWork
     settings: Settings
     effects: Effects
     chains: Chains
@@ -52,4 +55,4 @@ class EngineMemory:
     @property
     def changing(self) -> dict[str, np.ndarray]:
         """All that changes while sounding, by name."""
-        return {**self.state._asdict(), **self.sounding._asdict(), **self.strings.arrays()}
+        return {**self.state._asdict(), **self.stream._asdict(), **self.sounding._asdict(), **self.strings.arrays()}

@@ -13,7 +13,7 @@ from numba import njit
 from synth.dsp.decimator import decimate_line
 from synth.dsp.effect import STILL_BELOW
 from synth.engine.chain import chain_is_silent, reset_chain, run_chain
-from synth.engine.core import bank_of, progress_of, settings_of, shared_of, state_of
+from synth.engine.core import bank_of, progress_of, settings_of, span_of, state_of, stream_of
 from synth.engine.layout import BLOWN_UP, CORE, GAIN, N_SILENCED, QUANTUM, RING
 from synth.native.simd import move_within
 from synth.solver.vectors import dot
@@ -22,11 +22,11 @@ from synth.solver.vectors import dot
 @njit(**CORE)
 def mix_span(core: int, start: int, quanta: int) -> None:
     """The rows of `quanta` quanta from frame `start` of the stream become output in the rings."""
-    bank, state, shared = bank_of(core), state_of(core), shared_of(core)
+    bank, stream, span = bank_of(core), stream_of(core), span_of(core)
     frames = quanta * QUANTUM
     _gather_rows(core)
-    mix = shared.mix[:frames]
-    mono = shared.mono[:frames]
+    mix = span.mix[:frames]
+    mono = span.mono[:frames]
     mix[:] = 0.0
     for p in range(bank.parts.size):
         part = bank.parts[p]
@@ -41,8 +41,8 @@ def mix_span(core: int, start: int, quanta: int) -> None:
         _finish(core, mix[begin : begin + QUANTUM].reshape(-1))
     for i in range(frames):
         at = (start + i) % RING
-        state.ring[at, 0] = mix[i, 0]
-        state.ring[at, 1] = mix[i, 1]
+        stream.ring[at, 0] = mix[i, 0]
+        stream.ring[at, 1] = mix[i, 1]
 
 
 @njit(**CORE)
@@ -59,25 +59,25 @@ def _finish(core: int, mix) -> None:
 @njit(**CORE)
 def _gather_rows(core: int) -> None:
     """Add what each string has in its row to its bus, in the order of the strings."""
-    bank, shared = bank_of(core), shared_of(core)
+    bank, span = bank_of(core), span_of(core)
     for s in range(bank.strings.size):
         progress = progress_of(core, s)
         fixed = bank.strings[s]
         if progress.row_to > progress.row_from:
             begin, end = fixed.row + progress.row_from, fixed.row + progress.row_to
-            _add_sides(core, s, fixed.bus, progress.row_from, shared.rows[begin:end])
+            _add_sides(core, s, fixed.bus, progress.row_from, span.rows[begin:end])
         if progress.direct_to > progress.direct_from:
             begin, end = fixed.direct + progress.direct_from, fixed.direct + progress.direct_to
-            _add_sides(core, s, fixed.direct_bus, progress.direct_from, shared.direct[begin:end])
+            _add_sides(core, s, fixed.direct_bus, progress.direct_from, span.direct[begin:end])
         progress.row_from = progress.row_to = 0
         progress.direct_from = progress.direct_to = 0
     for i in range(bank.instruments.size):
         instrument = bank.instruments[i]
         if instrument.body >= 0:
-            there = shared.radiated_frames[instrument.body]
+            there = span.radiated_frames[instrument.body]
             if there[1] > there[0]:
                 for channel in range(2):
-                    row = shared.radiated[instrument.body, channel, there[0] : there[1]]
+                    row = span.radiated[instrument.body, channel, there[0] : there[1]]
                     _add_row(core, instrument.bus + channel, there[0], row, 1.0)
             there[0] = there[1] = 0
 
@@ -97,32 +97,32 @@ def _add_sides(core: int, s: int, b: int, first: int, row) -> None:
 @njit(**CORE)
 def _add_row(core: int, b: int, first: int, row, share: float) -> None:
     """Add steps from number `first` of the span on to the line of bus b."""
-    state = state_of(core)
+    stream = stream_of(core)
     bus = bank_of(core).buses[b]
     # what a step ends with belongs to the instant after it: the last one of a span to the next span
     place = bus.off + bus.n_taps + first
-    line = state.lines[place : place + row.size]
+    line = stream.lines[place : place + row.size]
     for t in range(row.size):
         line[t] += share * row[t]
-    state.quiet[b] = -1
+    stream.quiet[b] = -1
 
 
 @njit(**CORE)
 def _add_bus(core: int, b: int, frames: int, mono) -> None:
     """Bring bus b down to the output rate, add it to `mono` and move its line on."""
-    bank, state, shared = bank_of(core), state_of(core), shared_of(core)
+    bank, stream, span = bank_of(core), stream_of(core), span_of(core)
     bus = bank.buses[b]
     fresh = frames * bus.factor
-    if state.quiet[b] >= bus.n_taps:
+    if stream.quiet[b] >= bus.n_taps:
         return
-    line = state.lines[bus.off : bus.off + bus.n_taps + fresh]
-    frame = shared.frame[:frames]
-    decimate_line(bank.taps[bus.taps : bus.taps + bus.n_taps], bus.factor, line, shared.phases, frame)
+    line = stream.lines[bus.off : bus.off + bus.n_taps + fresh]
+    frame = span.frame[:frames]
+    decimate_line(bank.taps[bus.taps : bus.taps + bus.n_taps], bus.factor, line, span.phases, frame)
     for i in range(frames):
         mono[i] += frame[i]
     move_within(line, 0, fresh, bus.n_taps)
     line[bus.n_taps :] = 0.0
-    state.quiet[b] = 0 if state.quiet[b] < 0 else state.quiet[b] + fresh
+    stream.quiet[b] = 0 if stream.quiet[b] < 0 else stream.quiet[b] + fresh
 
 
 @njit(**CORE)
@@ -138,11 +138,11 @@ def _levels(core: int, p: int) -> tuple[float, float]:
 @njit(**CORE)
 def _add_stereo_part(core: int, p: int, start: int, frames: int, mix) -> None:
     """The same of a part that has left and right, from its buses or from its body on; panning is balance."""
-    bank, state, settings, shared = bank_of(core), state_of(core), settings_of(core), shared_of(core)
+    bank, state, settings, span = bank_of(core), state_of(core), settings_of(core), span_of(core)
     me = state.part_state[p]
     to_left, to_right = _levels(core, p)
     share, pole = settings.smoothing, settings.dc
-    pair, mono = shared.pair[:frames], shared.mono[:frames]
+    pair, mono = span.pair[:frames], span.mono[:frames]
     part = bank.parts[p]
     if part.sides == 2:
         for channel in range(2):
@@ -160,7 +160,7 @@ def _add_stereo_part(core: int, p: int, start: int, frames: int, mix) -> None:
         x = pair[begin : begin + QUANTUM]
         flat = x.reshape(-1)
         at = (start + begin) % RING
-        stem = state.stems[p, at : at + QUANTUM]
+        stem = stream_of(core).stems[p, at : at + QUANTUM]
         silent = _is_silent(flat)
         if me.still and silent and _settled(me.left, to_left, share) and _settled(me.right, to_right, share):
             stem[:] = 0.0
@@ -206,7 +206,7 @@ def _add_part(core: int, p: int, start: int, mono, mix) -> None:
         x = mono[begin : begin + QUANTUM]
         y = mix[begin : begin + QUANTUM]
         at = (start + begin) % RING
-        stem = state.stems[p, at : at + QUANTUM]
+        stem = stream_of(core).stems[p, at : at + QUANTUM]
         silent = _is_silent(x)
         left, right, before, high = me.left, me.right, me.dc_in, me.dc_out
         settled = _settled(left, to_left, share) and _settled(right, to_right, share)
@@ -243,17 +243,17 @@ def _add_part(core: int, p: int, start: int, mono, mix) -> None:
 @njit(**CORE)
 def _silence_part(core: int, p: int, mono, stem) -> None:
     """What part p gives is no number, or no sound any more: its filters forget all, and it is silent to the span's end."""
-    bank, state, settings = bank_of(core), state_of(core), settings_of(core)
+    bank, stream = bank_of(core), stream_of(core)
     part = bank.parts[p]
-    me = state.part_state[p]
+    me = state_of(core).part_state[p]
     stem[:] = 0.0
     mono[:] = 0.0
     for b in range(part.first_bus, part.end_bus):
         bus = bank.buses[b]
-        state.lines[bus.off : bus.off + bus.n_taps] = 0.0
-        state.quiet[b] = bus.n_taps
+        stream.lines[bus.off : bus.off + bus.n_taps] = 0.0
+        stream.quiet[b] = bus.n_taps
     reset_chain(core, p)
-    me.left = me.right = settings.gain
+    me.left = me.right = settings_of(core).gain
     me.dc_in = me.dc_out = me.dc_in_right = me.dc_out_right = 0.0
     me.still = 1
     me.silenced += 1

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from numba import float64, from_dtype, int64, njit
 
-from synth.engine.core import bank_of, progress_of, settings_of, shared_of, state_of, voice_of
+from synth.engine.core import bank_of, progress_of, settings_of, shared_of, span_of, state_of, stream_of, voice_of
 from synth.engine.expression import approach, control_share
 from synth.engine.instruments import cost, is_awake
 from synth.engine.layout import (
@@ -50,7 +50,7 @@ def process(core: int, thread: int, events, out, stems) -> None:
     """One block: `events` (EVENT, frames from the block's start, in order), `out` (frames, 2), `stems` (parts or 0,
     frames, 2). Output is late by QUANTUM + the latencies of the decimator and the effects."""
     saved = enable_ftz()
-    state, settings = state_of(core), settings_of(core)
+    state, stream, settings = state_of(core), stream_of(core), settings_of(core)
     now = state.counters[NOW]
     _queue_events(core, now, events)
     frames = out.shape[0]
@@ -63,10 +63,10 @@ def process(core: int, thread: int, events, out, stems) -> None:
             _produce(core, thread, now + frames - QUANTUM)
             continue
         first = now + done - QUANTUM
-        state.meters[PEAK] = max(state.meters[PEAK], _copy_out(state.ring, first, out[done:until]))
+        state.meters[PEAK] = max(state.meters[PEAK], _copy_out(stream.ring, first, out[done:until]))
         late = first - settings.mix_latency
         for p in range(stems.shape[0]):
-            _copy_out(state.stems[p], late, stems[p, done:until])
+            _copy_out(stream.stems[p], late, stems[p, done:until])
         done = until
     state.counters[NOW] = now + frames
     restore(saved)
@@ -74,14 +74,14 @@ def process(core: int, thread: int, events, out, stems) -> None:
 
 @njit(**CORE)
 def _queue_events(core: int, now: int, events) -> None:
-    state = state_of(core)
+    state, stream = state_of(core), stream_of(core)
     for i in range(events.size):
         at = state.counters[PENDING]
-        if at >= state.pending.size:
+        if at >= stream.pending.size:
             state.counters[N_DROPPED] += events.size - i
             break
-        _copy_event(events[i], state.pending[at])
-        state.pending[at].frame += now
+        _copy_event(events[i], stream.pending[at])
+        stream.pending[at].frame += now
         state.counters[PENDING] = at + 1
 
 
@@ -105,12 +105,12 @@ def _copy_out(ring, first: int, out) -> float:
 @njit(**CORE)
 def _produce(core: int, thread: int, end: int) -> None:
     """The next span; frame `end` of the stream need not be reached by more than the rest of a quantum."""
-    state, settings, shared = state_of(core), settings_of(core), shared_of(core)
+    state, stream, settings, shared = state_of(core), stream_of(core), settings_of(core), shared_of(core)
     start = state.counters[PRODUCED]
     quanta = min(settings.span, (end - start + QUANTUM - 1) // QUANTUM)
     free = quanta
     if state.counters[PENDING] > 0:
-        free = max(0, min(free, (state.pending[0].frame - start) // QUANTUM))
+        free = max(0, min(free, (stream.pending[0].frame - start) // QUANTUM))
     shared.task[FIRST_QUANTUM] = start // QUANTUM
     if free > 0:
         quanta = free
@@ -151,7 +151,7 @@ def _run_instruments(core: int, thread: int, frames: int) -> None:
 def quantum_with_events(core: int, thread: int, start: int) -> None:
     """One quantum with its events. A string goes on to an event's frame if the event touches it (`hands`), and
     at last all go to the quantum's end."""
-    state, shared = state_of(core), shared_of(core)
+    state, stream, shared = state_of(core), stream_of(core), shared_of(core)
     shared.task[TASK] = BEGIN
     _run_instruments(core, thread, 1)
     awake = 0
@@ -161,31 +161,31 @@ def quantum_with_events(core: int, thread: int, start: int) -> None:
     state.counters[AWAKE] = awake
     shared.task[TASK], shared.task[UNTIL] = STRETCH, 0
     taken = 0
-    while taken < state.counters[PENDING] and state.pending[taken].frame < start + QUANTUM:
-        shared.task[UNTIL] = max(shared.task[UNTIL], state.pending[taken].frame - start)
-        _copy_event(state.pending[taken], shared.event[0])
+    while taken < state.counters[PENDING] and stream.pending[taken].frame < start + QUANTUM:
+        shared.task[UNTIL] = max(shared.task[UNTIL], stream.pending[taken].frame - start)
+        _copy_event(stream.pending[taken], state.event[0])
         tell(shared.task[HANDLE], shared.task[VOICES])
         taken += 1
     shared.task[UNTIL] = QUANTUM
     _run_instruments(core, thread, QUANTUM)
     left = state.counters[PENDING] - taken
     for i in range(left):
-        _copy_event(state.pending[i + taken], state.pending[i])
+        _copy_event(stream.pending[i + taken], stream.pending[i])
     state.counters[PENDING] = left
 
 
 @njit(**CORE)
 def _smooth_controls(core: int, k: int) -> None:
     """Bends, vibrato and heights of quantum k of the span."""
-    bank, state, shared = bank_of(core), state_of(core), shared_of(core)
+    bank, state, span = bank_of(core), state_of(core), span_of(core)
     share = control_share(core)
     for c in range(state.channels.size):
         channel = state.channels[c]
         channel.bend = approach(channel.bend, channel.bend_raw * channel.bend_range, share, 1e-4)
-        shared.bends[k, c] = channel.bend
+        span.bends[k, c] = channel.bend
         channel.shaking = approach(channel.shaking, channel.wheel, share, 1e-4)
-        shared.shakes[k, c] = channel.shaking
+        span.shakes[k, c] = channel.shaking
     for p in range(bank.parts.size):
         part = state.part_state[p]
         part.height = approach(part.height, 1e-6 * state.parameters[p, HEIGHT], share, 1e-10)
-        shared.heights[k, p] = part.height
+        span.heights[k, p] = part.height

@@ -22,6 +22,7 @@ from synth.engine.core import (
     scratch_of,
     settings_of,
     shared_of,
+    span_of,
     string_of,
     stroke_of,
     tally_of,
@@ -252,10 +253,10 @@ def sleep_together(core: int, i: int) -> None:
 @njit(**CORE)
 def _advance(core: int, thread: int, i: int, begin: int, frames: int) -> None:
     """Frames of an instrument that is awake, from frame `begin` of the span."""
-    bank, shared = bank_of(core), shared_of(core)
+    bank, shared, span = bank_of(core), shared_of(core), span_of(core)
     instrument = bank.instruments[i]
     address = shared.coupling_at[i]
-    out = shared.radiated[instrument.body]
+    out = span.radiated[instrument.body]
     _place(core, i, begin, frames)
     done = int(np.int64(0))
     while done < frames:
@@ -293,14 +294,14 @@ def _advance(core: int, thread: int, i: int, begin: int, frames: int) -> None:
 @njit(**CORE)
 def _place(core: int, i: int, begin: int, frames: int) -> None:
     """Frames of the span that are about to be there; what lies between them and earlier ones is nothing."""
-    shared, number = shared_of(core), bank_of(core).instruments[i].body
-    there = shared.radiated_frames[number]
+    span, number = span_of(core), bank_of(core).instruments[i].body
+    there = span.radiated_frames[number]
     if there[0] == there[1]:
         there[0] = begin
     else:
         for channel in range(2):
             for t in range(there[1], begin):
-                shared.radiated[number, channel, t] = 0.0
+                span.radiated[number, channel, t] = 0.0
     there[1] = begin + frames
 
 
@@ -401,13 +402,13 @@ def _follow_rest(core: int, i: int, ahead: int) -> None:
 @njit(**CORE)
 def _sounds(core: int, i: int, begin: int, frames: int) -> bool:
     """Whether strings move like strings, and what the body has given is finite and below `BLOWN_UP`."""
-    bank, shared = bank_of(core), shared_of(core)
+    bank, span = bank_of(core), span_of(core)
     instrument = bank.instruments[i]
     for s in range(instrument.first_string, instrument.end_string):
         if not moves_like_a_string(core, s):
             return False
     for channel in range(2):
-        row = shared.radiated[instrument.body, channel, begin : begin + frames]
+        row = span.radiated[instrument.body, channel, begin : begin + frames]
         if not dot(row, row) <= BLOWN_UP * BLOWN_UP:
             return False
     return True

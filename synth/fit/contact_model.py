@@ -198,11 +198,11 @@ class ContactModel:
         string, rate = self.string, grid.rate_hz
         frames = math.ceil(seconds * rate)
         draw, slip = max(2, math.ceil(stroke.draw_s * rate)), math.ceil(stroke.slip_s * rate)
-        q, force, _ = driver.static_contact(model, np.zeros(model.omega.size))
+        q, force, _ = driver.static_contact(model, np.zeros(model.modes.omega.size))
         run = driver.start_run(model, q, np.zeros_like(q), force, 1, draw + frames + 1, False, False)
         place = stroke.position * string.length_m
         width = min(self.hand.width_m, WIDEST * place)
-        weights = np.zeros(model.omega.size)
+        weights = np.zeros(model.modes.omega.size)
         weights[:n] = pluck_weights(string.length_m, string.length_m - place, width, n)
         impedance = math.sqrt(string.tension_n * string.linear_density_kg_m)
         # both times count in parts of a step: what is heard has to change with them smoothly

@@ -34,11 +34,10 @@ from synth.engine import arguments, layout, team
 from synth.engine.bank import new_scratch
 from synth.engine.board_tables import BOARD_PARTS
 from synth.engine.bridges import COUPLING_FIXED, COUPLING_ROOM
-from synth.engine.core import CORE_PARTS
 from synth.engine.engine import Engine
 from synth.engine.memory_map import EngineMemory
 from synth.engine.parameters import Parameter
-from synth.engine.voices.voice_table import Voices
+from synth.engine.voices.voice_table import VOICE_PARTS, Voices
 from synth.instrument.preset import Preset
 from synth.jit.entries import entered
 from synth.jit.kernel_sources import sources_id
@@ -463,25 +462,14 @@ def add_engine(memory: Memory, inside: EngineMemory) -> tuple[int, int]:
             memory.add(CONSTANT, getattr(board, name))
         for array in room:
             memory.add(CORE, array, content=np.zeros_like(array))
-    for name, array in shared._asdict().items():
-        if name not in _SHARED_POINTS:
-            memory.add(CORE, array, content=np.zeros_like(array))
+    for array in (shared.queue, shared.team, *inside.span):
+        memory.add(CORE, array, content=np.zeros_like(array))
     fresh = new_scratch(bank)
     for array, content in zip(chain(*inside.scratch), chain(fresh, fresh), strict=True):
         memory.add(THREAD, array, content=content)
     return begin, end
 
 
-#: words of the arrays of Shared that are addresses
-_SHARED_POINTS: dict[str, Callable[[np.ndarray], Sequence[int]]] = {
-    "task": lambda task: range(layout.WORK_ON, layout.VOICES + 1),
-    "model_at": lambda array: range(array.size),
-    "string_at": lambda array: range(array.size),
-    "excitation": lambda array: range(array.size),
-    "coupling_at": lambda array: range(array.size),
-    "end_at": lambda array: range(array.size),
-    "board_at": lambda array: range(array.size),
-}
 #: arrays of a Coupling that hold addresses; the core itself puts those of the models there
 _COUPLING_POINTS = ("line_model", "line_state", "line_end")
 
@@ -492,10 +480,10 @@ def _add_tables(memory: Memory, inside: EngineMemory) -> None:
     thread = inside.thread.copy()
     memory.add(THREAD, inside.thread, points=pointers(thread, Scratch, Scratch), content=thread)
     core = inside.core.copy()
-    memory.add(CORE, inside.core, points=pointers(core, *CORE_PARTS), content=core)
+    memory.add(CORE, inside.core, points=pointers(core, *layout.CORE_PARTS), content=core)
     voices = inside.voices.copy()
     called = [word_of(Voices, name) for name in ("respond", "core", "thread")]
-    memory.add(CORE, inside.voices, points=[*pointers(voices, Voices), *called], content=voices)
+    memory.add(CORE, inside.voices, points=[*pointers(voices, *VOICE_PARTS), *called], content=voices)
     models = strings.model_tables.copy()
     step, words, points = word_of(StringModel, "step"), models.shape[2], []
     for number, row in enumerate(models.reshape(-1, words)):
@@ -526,12 +514,13 @@ def _add_tables(memory: Memory, inside: EngineMemory) -> None:
     width = placed_rows.dtype.itemsize // 8
     held = [placed_rows.dtype.fields[name][1] // 8 for name in ("table", "process", "silent")]
     memory.add(CORE, placed_rows, points=[row * width + word for row in range(placed_rows.size) for word in held])
-    for name, points_of in _SHARED_POINTS.items():
-        array = getattr(inside.shared, name)
-        content = array.copy()
-        if name == "task":
-            content[[layout.TASK, layout.FIRST_QUANTUM, layout.QUANTA, layout.UNTIL]] = 0
-        memory.add(CORE, array, points=points_of(array), content=content)
+    shared = inside.shared
+    task = shared.task.copy()
+    task[[layout.TASK, layout.FIRST_QUANTUM, layout.QUANTA, layout.UNTIL]] = 0
+    memory.add(CORE, shared.task, points=range(layout.WORK_ON, layout.VOICES + 1), content=task)
+    found = (shared.model_at, shared.string_at, shared.excitation, shared.coupling_at, shared.end_at, shared.board_at)
+    for array in found:
+        memory.add(CORE, array, points=range(array.size), content=array.copy())
 
 
 def function_at(address: int) -> str | None:

@@ -20,10 +20,11 @@ from synth.native.views import table
 from synth.solver.block_rows import BLOCK
 from synth.solver.certificates import CERTIFY_FROM
 from synth.solver.energy import filter_factor, spring, stored
-from synth.solver.laws import EXACT_HOLD, coefficients, contact_matrix
+from synth.solver.laws import EXACT_HOLD, coefficients
 from synth.solver.layers import held_by_layers, static_forces
 from synth.solver.lcp import NOT_SOLVED, SOLVED, natural_residual, solve
 from synth.solver.problem import Results, kept_array
+from synth.solver.stepwise import finger_row
 from synth.solver.stringmodel import (
     Scratch,
     StringContacts,
@@ -118,31 +119,21 @@ class Finger(NamedTuple):
 class Model:
     """What does not change while the tension does not. N modes, C contacts, P output points."""
 
-    law: int
-    dt: float
-    restitution: float
-    mu: float
-    omega: np.ndarray  # (N,)
-    sigma: np.ndarray  # (N,)
-    coef: np.ndarray  # (6, N)
-    factor: np.ndarray  # (N,) F of the Moreau–Jean energy
-    shapes: np.ndarray  # (C, N)
-    eta: np.ndarray  # (C,) heights at t = 0
-    g: np.ndarray  # (C, C)
-    residual: np.ndarray  # (C, C); zero for Moreau–Jean
+    modes: StringModes
+    under: StringContacts  # heights at t = 0; R is zero for Moreau–Jean
     out_shapes: np.ndarray  # (P, N)
+    factor: np.ndarray  # (N,) F of the Moreau–Jean energy
     parts: int  # K of a step that touches
     part: StringModel  # of one of them, of the whole step where K = 1
     string: StringModel  # of a whole step
-    layers: np.ndarray  # (3, C) of the contacts (`stringmodel`), or (3, 0)
 
     @cached_property
     def tables(self) -> dict[str, np.ndarray]:
         """What kernels open: steps with every output, without any, parts of them, and those over an obstacle that moves."""
         quiet: dict[str, Any] = {"first": 0, "points": 0, "on_q": 0}
-        one = self.eta.size == 1  # blocks are of parts then
-        certified = int(self.law == EXACT_HOLD and self.eta.size >= CERTIFY_FROM)
-        in_blocks = self.part if one else self.string
+        contacts = self.under.eta.size
+        certified = int(self.string.law == EXACT_HOLD and contacts >= CERTIFY_FROM)
+        in_blocks = self.part if contacts == 1 else self.string
         whole = table(self.string._replace(**quiet))
         return {
             "watched": table(in_blocks),
@@ -156,21 +147,25 @@ class Model:
         """The same with other contacts (fields of StringContacts) or another argument of `make_model`."""
         contacts = {name: changed.pop(name) for name in StringContacts._fields if name in changed}
         given: dict[str, Any] = {
-            "law": self.law,
-            "modes": StringModes(self.mu, self.omega, self.sigma),
-            "dt": self.dt,
-            "under": StringContacts(self.shapes, self.eta, self.residual, self.layers)._replace(**contacts),
+            "law": self.string.law,
+            "modes": self.modes,
+            "dt": self.string.dt,
+            "under": self.under._replace(**contacts),
             "out_shapes": self.out_shapes,
-            "restitution": self.restitution,
+            "restitution": self.string.restitution,
             "substeps": self.parts,
             "step": self.string.step,
         }
         return make_model(**given | changed)
 
-    @property
-    def part_coef(self) -> np.ndarray:
-        """(6, N) of a part of a step."""
-        return np.ascontiguousarray(self.part.rows[:6, : self.omega.size])
+    def stored(self, q: np.ndarray, v: np.ndarray) -> float:
+        """Energy of the modes [J], without what the contacts hold."""
+        return stored(self.string.law, self.modes.omega, self.factor, self.modes.mu, self.string.dt, q, v)
+
+    def finger_row(self, weights: np.ndarray) -> tuple[np.ndarray, float]:
+        """(Coupling, own) of a Finger with these weights, in a part of a step."""
+        coupling, coef = np.zeros(self.under.eta.size), np.ascontiguousarray(self.part.rows[:6, : self.part.modes])
+        return coupling, finger_row(self.string.law, coef, self.under.shapes, weights, coupling)
 
 
 @dataclass
@@ -233,7 +228,6 @@ def make_model(
         raise ValueError(f"substeps must be a whole number >= 1, got {substeps}; 1 leaves the step whole")
     if substeps > 1 and law != EXACT_HOLD:
         raise ValueError(f"substeps need exact-hold, got {substeps} for a Moreau–Jean law; raise the rate instead")
-    mu = modes.mu
     layers = np.zeros((3, 0)) if under.layers is None else np.ascontiguousarray(under.layers, dtype=np.float64)
     if layers.shape[1] and (substeps > 1 or law != EXACT_HOLD or step):
         raise ValueError(
@@ -242,29 +236,19 @@ def make_model(
     omega, sigma, shapes, eta, out_shapes = (
         np.ascontiguousarray(a, dtype=np.float64) for a in (modes.omega, modes.sigma, under.shapes, under.eta, out_shapes)
     )
-    contacts = eta.size
-    residual = np.ascontiguousarray(under.residual if law == EXACT_HOLD else np.zeros((contacts, contacts)))
-    coef = coefficients(law, omega, sigma, mu, dt)
-    g = np.empty((contacts, contacts))
-    contact_matrix(law, coef, shapes, residual, g)
-    factor = filter_factor(law, omega, coef, dt)
-    modes, outputs = StringModes(mu, omega, sigma), StringOutputs(out_shapes)
-    in_parts = contacts == 1 and substeps > 1
-    string = make_string(
-        law, dt, modes, coef, StringContacts(shapes, eta, residual, layers, g), outputs, restitution=restitution,
-        in_blocks=not in_parts, step=step,
-    )  # fmt: skip
-    part = string
+    residual = np.ascontiguousarray(under.residual if law == EXACT_HOLD else np.zeros((eta.size, eta.size)))
+    modes, under = modes._replace(omega=omega, sigma=sigma), StringContacts(shapes, eta, residual, layers)
+    outputs = StringOutputs(out_shapes)
+    in_parts = eta.size == 1 and substeps > 1
+
+    def string_of(dt: float, coef: np.ndarray, in_blocks: bool) -> StringModel:
+        return make_string(law, dt, modes, coef, under, outputs, restitution=restitution, in_blocks=in_blocks, step=step)
+
+    coef = coefficients(law, omega, sigma, modes.mu, dt)
+    string = part = string_of(dt, coef, not in_parts)
     if substeps > 1:
-        shorter, fine = dt / substeps, coefficients(law, omega, sigma, mu, dt / substeps)
-        part = make_string(
-            law, shorter, modes, fine, StringContacts(shapes, eta, residual), outputs, restitution=restitution,
-            in_blocks=in_parts, step=step,
-        )  # fmt: skip
-    return Model(
-        law, dt, restitution, mu, omega, sigma, coef, factor, shapes, eta, g, residual, out_shapes, substeps, part, string,
-        layers,
-    )  # fmt: skip
+        part = string_of(dt / substeps, coefficients(law, omega, sigma, modes.mu, dt / substeps), in_parts)
+    return Model(modes, under, out_shapes, filter_factor(law, omega, coef, dt), substeps, part, string)
 
 
 def static_contact(model: Model, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
@@ -273,21 +257,22 @@ def static_contact(model: Model, q: np.ndarray) -> tuple[np.ndarray, np.ndarray,
     0 ≤ S q − η + (S diag(1/μω²) Sᵀ + R) λ ⊥ λ ≥ 0. Whatever force made the given shape goes on unchanged; among all
     shapes clear of the obstacle this is the one whose difference from q costs the least elastic energy.
     """
-    compliance = 1.0 / (model.mu * model.omega**2)
-    a = (model.shapes * compliance) @ model.shapes.T + model.residual
-    b = model.shapes @ q - model.eta
+    (mu, omega, _), (shapes, eta, residual, *_) = model.modes, model.under
+    compliance = 1.0 / (mu * omega**2)
+    a = (shapes * compliance) @ shapes.T + residual
+    b = shapes @ q - eta
     contacts = b.size
     z = np.zeros(contacts)
     if not np.any(b < 0.0):
         return q.copy(), z, SOLVED
-    if model.layers.shape[1]:
-        z, status = static_forces(a, b, model.layers)
-        return q + compliance * (z @ model.shapes), z, status
+    if model.string.layers.shape[1]:
+        z, status = static_forces(a, b, model.string.layers)
+        return q + compliance * (z @ shapes), z, status
     active, factor, order = np.zeros(contacts, np.uint8), np.zeros((contacts, contacts)), np.zeros(contacts, np.int64)
     status = solve(a, b, np.ones(contacts, np.uint8), active, z, factor, order)
     if natural_residual(a, b, z) > 1e-9 * np.abs(b).max():
         status = NOT_SOLVED
-    return q + compliance * (z @ model.shapes), z, status
+    return q + compliance * (z @ shapes), z, status
 
 
 def start_run(model: Model, q, v, force, steps_per_output: int, outputs: int, ledger: bool, published_start: bool) -> Run:
@@ -296,13 +281,14 @@ def start_run(model: Model, q, v, force, steps_per_output: int, outputs: int, le
     Moreau–Jean needs a backward-difference velocity. The exact start takes the first step with the exact propagator,
     w¹ = (q¹ − q⁰)/Δt; the published one sets w⁰ = q̇, which is q(−Δt) = q(0) for a string at rest.
     """
-    n, contacts, points = model.omega.size, model.eta.size, model.out_shapes.shape[0]
-    state = make_state(model.string, np.asarray(q, dtype=np.float64), np.asarray(v, dtype=np.float64))
-    state.u[:] = model.shapes @ q
-    state.v_contact[:] = model.shapes @ v
+    string, shapes = model.string, model.under.shapes
+    n, contacts, points = string.modes, model.under.eta.size, model.out_shapes.shape[0]
+    state = make_state(string, np.asarray(q, dtype=np.float64), np.asarray(v, dtype=np.float64))
+    state.u[:] = shapes @ q
+    state.v_contact[:] = shapes @ v
     state.force[:] = force
     records = np.zeros((steps_per_output, contacts))
-    room = contacts * (2 if model.layers.shape[1] else 1)
+    room = contacts * (2 if string.layers.shape[1] else 1)
     stepping = make_scratch(room, n, 0, 1)._replace(record=records.reshape(-1))
     watching = make_scratch(room, n, points, BLOCKS * BLOCK, watched=BLOCKS * BLOCK)
     sizes = {"rows": outputs, "contact_rows": outputs, "points": points, "contacts": contacts}
@@ -327,20 +313,20 @@ def start_run(model: Model, q, v, force, steps_per_output: int, outputs: int, le
     counts[LAST_CONTACT] = 0 if np.any(run.force > 0.0) else -1
     sums[PENETRATION] = -np.inf if contacts else 0.0
     sums[RISE] = sums[LEAST_VISCOUS] = sums[LEAST_CONTACT] = 0.0
-    sums[STORED] = stored(model.law, model.omega, model.factor, model.mu, model.dt, run.q, run.v)
+    sums[STORED] = model.stored(run.q, run.v)
     sums[SPRING] = _held(model, run)
     sums[INITIAL] = sums[STORED] + sums[SPRING]
     write_row(model, run)
-    if model.law != EXACT_HOLD and not published_start:
-        exact = coefficients(EXACT_HOLD, model.omega, model.sigma, model.mu, model.dt)
+    if string.law != EXACT_HOLD and not published_start:
+        exact = coefficients(EXACT_HOLD, model.modes.omega, model.modes.sigma, model.modes.mu, string.dt)
         moved = exact[0] * run.q + exact[1] * run.v
-        run.v[:] = (moved - run.q) / model.dt
+        run.v[:] = (moved - run.q) / string.dt
         run.q[:] = moved
-        run.u_contact[:] = model.shapes @ run.q
-        run.v_contact[:] = model.shapes @ run.v
+        run.u_contact[:] = shapes @ run.q
+        run.v_contact[:] = shapes @ run.v
         counts[STEPS] = counts[PHASE] = 1
         # the ledger of this scheme's energy begins with its first state
-        sums[STORED] = stored(model.law, model.omega, model.factor, model.mu, model.dt, run.q, run.v)
+        sums[STORED] = model.stored(run.q, run.v)
         sums[INITIAL] = sums[STORED]
         if run.results.energy.size:
             run.results.energy[0, 0] = sums[STORED]
@@ -352,7 +338,7 @@ def start_run(model: Model, q, v, force, steps_per_output: int, outputs: int, le
 def _held(model: Model, run: Run) -> float:
     """What the contacts hold, R and layers [J]."""
     tables = model.tables["whole"], run.tables["state"]
-    return spring(model.residual, run.force) + held_by_layers(*(each.ctypes.data for each in tables))
+    return spring(model.under.residual, run.force) + held_by_layers(*(each.ctypes.data for each in tables))
 
 
 def write_row(model: Model, run: Run) -> None:
@@ -384,7 +370,7 @@ def resume_run(
     Raises ValueError for what is kept of another problem. Steps that are taken one at a time, or in blocks that begin where
     those of an undivided run would, give the same bits.
     """
-    n, contacts = (model.omega.size,), (model.eta.size,)
+    n, contacts = model.modes.omega.shape, model.under.eta.shape
     q, v = kept_array(kept, "q", n), kept_array(kept, "v", n)
     run = start_run(model, q, v, kept_array(kept, "force", contacts), steps_per_output, outputs, ledger, True)
     sums, counts = run.results.sums, run.results.counts
@@ -408,11 +394,11 @@ def change_model(old: Model, new: Model, run: Run) -> None:
     q and v are carried over, and so is R λ, the displacement of the modes left out; the forces that go with it follow,
     so that the contacts stay where they are and the scheme stays passive. What the stored energy gains counts as injected.
     """
-    if np.any(old.residual @ run.force):
-        run.force[:] = np.linalg.lstsq(new.residual, old.residual @ run.force, rcond=None)[0]
+    if np.any(old.under.residual @ run.force):
+        run.force[:] = np.linalg.lstsq(new.under.residual, old.under.residual @ run.force, rcond=None)[0]
     if run.results.energy.size:
         sums = run.results.sums
-        after_stored = stored(new.law, new.omega, new.factor, new.mu, new.dt, run.q, run.v)
+        after_stored = new.stored(run.q, run.v)
         after_spring = _held(new, run)
         sums[INJECTED] += after_stored + after_spring - sums[STORED] - sums[SPRING]
         sums[STORED] = after_stored

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from synth.solver import driver
-from synth.solver.stepwise import LEAST_STIFFNESS, finger_row
+from synth.solver.stepwise import LEAST_STIFFNESS
 
 
 def pluck(
@@ -29,8 +29,7 @@ def pluck(
     drawn, slipped         (n + 1,) parts of the time of drawing and of sliding off at the start and after each step; of one
                            number: at once
     """
-    coupling = np.zeros(model.eta.size)
-    own = finger_row(model.law, model.part_coef, model.shapes, weights, coupling)
+    coupling, own = model.finger_row(weights)
     here = float(weights @ run.q)
     state = np.array([here, 0.0])
 

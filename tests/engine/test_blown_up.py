@@ -101,12 +101,12 @@ BODIED = preset("bodied", steel("C3-E3"), more="[[body.resonance]]\nfrequency_hz
 def test_whatever_gets_into_filters_ends_there(array, value):
     made = engine(BODIED, FREE, quality="draft", limiter=True)
     play(made, [(0, NOTE_ON, 0, 48, 100), (0, NOTE_ON, 1, 50, 100)], 6400)
-    spoilt = made._state._asdict()[array]
+    spoilt = made.memory.changing[array]
     if array == "part_state":
         spoilt["dc_out"][0] = value
     elif array == "lines":
         buses = bank_of(made).buses
-        b = np.flatnonzero((buses["part"] == 0) & (made._state.quiet < buses["n_taps"]))[0]
+        b = np.flatnonzero((buses["part"] == 0) & (made._stream.quiet < buses["n_taps"]))[0]
         spoilt[buses["off"][b] + buses["n_taps"][b] // 2] = value
     else:
         spoilt[0] = value  # of the body, the first effect

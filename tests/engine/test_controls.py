@@ -505,9 +505,9 @@ def test_the_queue_is_as_long_as_reserved():
     play(made, [(0, NOTE_ON, 0, 48, 100)], 500)
     kept = what_sounds(made)
     made.reserve(100)
-    assert made._state.pending.size >= 1 << 14
+    assert made._stream.pending.size >= 1 << 14
     made.reserve(50000)
-    assert made._state.pending.size >= 50000
+    assert made._stream.pending.size >= 50000
     after = play(made, [], 2000)
     go_on_from(made, kept)
     assert np.array_equal(play(made, [], 2000), after)

@@ -95,7 +95,7 @@ def test_a_silent_part_forgets_and_begins_anew():
     first = play(made, [(0, NOTE_ON, 0, 50, 100)], 8192)
     play(made, [(0, CONTROL, 0, 120, 0)], 5 * 44100 // CHECKS * CHECKS)
     assert made.silent and made._state.part_state["still"][0] == 1
-    assert not made._state.effect_numbers.any() and not made._state.effect_counts.any()
+    assert not made._stream.effect_numbers.any() and not made._stream.effect_counts.any()
     assert np.array_equal(play(made, [(0, NOTE_ON, 0, 50, 100)], 8192), first)
 
 
@@ -111,10 +111,10 @@ def test_an_effect_goes_on_from_what_it_holds():
 def test_whatever_gets_into_an_effect_ends_there():
     made = engine(trembling(late_frames=50))
     play(made, NOTES, 6400)
-    made._state.effect_numbers[:51] = math.nan
+    made._stream.effect_numbers[:51] = math.nan
     stems = np.zeros((1, 6400, 2))
     assert np.isfinite(play(made, [], 6400, stems=stems)).all() and np.isfinite(stems).all()
-    assert made.report().silenced == 1 and np.isfinite(made._state.effect_numbers).all()
+    assert made.report().silenced == 1 and np.isfinite(made._stream.effect_numbers).all()
 
 
 # --- in a preset's file ---

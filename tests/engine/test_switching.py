@@ -37,7 +37,7 @@ def test_a_key_switches_until_another_does_and_is_no_note():
     assert [way(fake, 61), way(fake, 62)] == [1, 1]
     assert fake.on(10) == []
     assert way(fake, 63) == 0
-    assert fake.count(N_NOTES) == 4 and not fake.me.unplayed.any()
+    assert fake.count(N_NOTES) == 4 and not fake.state.unplayed.any()
 
 
 def test_another_program_and_reset_controllers_bring_the_normal_one_back():
@@ -90,7 +90,7 @@ def test_the_master_of_a_zone_rules_its_members():
     fake.control(101, 0)
     fake.control(100, 6)
     fake.control(6, 15)
-    assert fake.me.zones[LOWER] == 15
+    assert fake.state.zones[LOWER] == 15
     fake.on(11, channel=3)  # a key of the keyboard, on whichever channel it comes
     assert way(fake, 60, channel=5) == 1
     fake.control(20, 10, channel=0)
@@ -101,8 +101,8 @@ def test_the_master_of_a_zone_rules_its_members():
 
 def test_a_number_that_no_articulation_has_is_the_normal_one():
     fake = Fake(HARP, articulations=SWITCHED)
-    fake.me.channels["articulation"][0] = 31
-    fake.me.channels["ruled"][0] = 31
+    fake.state.channels["articulation"][0] = 31
+    fake.state.channels["ruled"][0] = 31
     assert way(fake, 60) == 0
 
 
@@ -136,7 +136,7 @@ def test_a_string_that_sounds_another_note_than_its_key_has_no_harmonics():
     fake.me.positions["elsewhere"][0] = 1
     fake.on(11)
     fake.on(40)
-    assert fake.asked == [] and fake.me.unplayed[0, 40] == 1
+    assert fake.asked == [] and fake.state.unplayed[0, 40] == 1
     assert fake.plucked(45) == (1, 0)
 
 
@@ -159,7 +159,7 @@ def test_harmonics_of_a_chord_lie_on_different_strings():
 def waits(fake: Fake, *notes: int, frame: int = 0) -> list[int]:
     """HAND.wait as every string is asked to be plucked with it last."""
     for note in notes:
-        fake.me.event[0] = (frame, NOTE_ON, 0, note, 100, 0.0)
+        fake.state.event[0] = (frame, NOTE_ON, 0, note, 100, 0.0)
         fake._policy.ctypes(fake.address)
     return fake.me.hands["wait"].tolist()
 
@@ -225,7 +225,7 @@ def test_legato_goes_back_to_no_key_that_another_string_sounds_and_not_without_i
     fake.on(38)
     fake.control(68, 127)
     fake.on(40)  # hammered on the D string
-    fake.me.keys[0, 38] = 0
+    fake.state.keys[0, 38] = 0
     assert [action for action, *_ in fake.off(40)] == ["let go"]
     fake = Fake(NECK)
     fake.control(68, 127)
@@ -241,7 +241,7 @@ def test_all_notes_off_lets_every_key_go(end):
     fake.control(68, 127)
     fake.on(30)
     fake.control(end, 0)
-    assert not fake.me.keys.any()
+    assert not fake.state.keys.any()
 
 
 def test_legato_pulls_the_string_as_far_as_the_hand_can_and_lets_it_back():

@@ -78,7 +78,7 @@ def test_a_note_is_plucked_again_where_it_sounds_wherever_the_hand_is():
     fake = Fake(NECK)
     assert fake.plucked(45) == (3, 2)
     fake.off(45)
-    fake.me.part_state["hand"] = 12
+    fake.state.part_state["hand"] = 12
     assert fake.plucked(45) == (3, 2)
 
 
@@ -87,20 +87,20 @@ def test_a_note_belongs_to_the_string_that_is_being_pressed_to_it():
     fake.on(28)
     hand = fake.me.hands[0]
     hand["phase"], hand["pending_model"] = PRESS, 7
-    fake.me.part_state["hand"] = 0
+    fake.state.part_state["hand"] = 0
     assert fake.plucked(35) == (0, 7)
     fake.me.hands["phase"][0] = 0
     fake.me.hands["model"][0] = 0
-    fake.me.part_state["hand"] = 0
+    fake.state.part_state["hand"] = 0
     assert fake.plucked(35) == (1, 2)
 
 
 def test_the_hand_stays_where_it_is_and_an_open_string_is_always_one_fret_away():
     fake = Fake(NECK)
-    fake.me.part_state["hand"] = 12
-    assert fake.plucked(46) == (2, 8) and fake.me.part_state["hand"][0] == 8
-    assert fake.plucked(43) == (3, 0) and fake.me.part_state["hand"][0] == 8
-    fake.me.part_state["hand"] = 1
+    fake.state.part_state["hand"] = 12
+    assert fake.plucked(46) == (2, 8) and fake.state.part_state["hand"][0] == 8
+    assert fake.plucked(43) == (3, 0) and fake.state.part_state["hand"][0] == 8
+    fake.state.part_state["hand"] = 1
     assert fake.plucked(35) == (1, 2)
 
 
@@ -205,7 +205,7 @@ def test_levels_of_a_channel():
     fake.control(10, 0)
     fake.send(BEND, 0, -8192)
     fake.send(PRESSURE, 0, 0, 127)
-    channel = fake.me.channels[0]
+    channel = fake.state.channels[0]
     assert channel["volume"] == pytest.approx(1.27**2) and channel["expression"] == pytest.approx((64 / 127) ** 2)
     assert channel["pan"] == -1.0 and channel["bend_raw"] == -1.0 and channel["pressure"] == 1.0
 
@@ -213,9 +213,9 @@ def test_levels_of_a_channel():
 def test_a_part_heeds_the_channel_that_spoke_last():
     fake = Fake(HARP)
     fake.on(60, channel=5)
-    assert fake.me.part_state["channel"][0] == 5
+    assert fake.state.part_state["channel"][0] == 5
     fake.control(7, 100, channel=9)
-    assert fake.me.part_state["channel"][0] == 9
+    assert fake.state.part_state["channel"][0] == 9
 
 
 def rpn(fake: Fake, number: int, value: int, channel: int = 0) -> None:
@@ -227,11 +227,11 @@ def test_bend_range_by_its_registered_parameter():
     fake = Fake(HARP)
     rpn(fake, 0, 12)
     fake.control(38, 50)
-    assert fake.me.channels["bend_range"][:2].tolist() == [12.5, 2.0]
+    assert fake.state.channels["bend_range"][:2].tolist() == [12.5, 2.0]
     rpn(fake, 0x3FFF, 5)
     fake.control(98, 0)
     fake.control(6, 5)
-    assert fake.me.channels["bend_range"][0] == 12.5
+    assert fake.state.channels["bend_range"][0] == 12.5
 
 
 def test_zones_come_and_yield_and_begin_anew():
@@ -239,14 +239,14 @@ def test_zones_come_and_yield_and_begin_anew():
     fake.on(60, channel=3)
     fake.control(64, 127, channel=3)
     rpn(fake, 6, 4)
-    assert fake.me.zones.tolist() == [4, 0]
-    assert fake.me.channels["master"].tolist() == [0] * 5 + list(range(5, 16))
-    assert fake.me.channels["bend_range"].tolist() == [2.0] + [48.0] * 4 + [2.0] * 11
+    assert fake.state.zones.tolist() == [4, 0]
+    assert fake.state.channels["master"].tolist() == [0] * 5 + list(range(5, 16))
+    assert fake.state.channels["bend_range"].tolist() == [2.0] + [48.0] * 4 + [2.0] * 11
     assert fake.strings("held")[0] == 0 and ("let go", 0, 0) in fake.asked
     rpn(fake, 6, 12, channel=15)
-    assert fake.me.zones.tolist() == [2, 12]
+    assert fake.state.zones.tolist() == [2, 12]
     rpn(fake, 6, 3, channel=7)  # no channel that could lead a zone
-    assert fake.me.zones.tolist() == [2, 12]
+    assert fake.state.zones.tolist() == [2, 12]
 
 
 def test_what_is_said_to_the_master_is_said_to_its_zone():
@@ -262,7 +262,7 @@ def test_what_is_said_to_the_master_is_said_to_its_zone():
     assert fake.control(64, 0, channel=0) == [("let go", 0, 0)]
     assert fake.control(123, 0, channel=0) == [("let go", 1, 0)]
     rpn(fake, 0, 24, channel=3)
-    assert set(fake.me.channels["bend_range"][1:]) == {24.0} and fake.me.channels["bend_range"][0] == 2.0
+    assert set(fake.state.channels["bend_range"][1:]) == {24.0} and fake.state.channels["bend_range"][0] == 2.0
 
 
 def test_a_members_own_pedal_holds_when_the_masters_comes_up():
@@ -299,9 +299,9 @@ def test_reset_all_controllers():
         fake.control(controller, 70)
     fake.off(60)
     fake.send(BEND, 0, 100)
-    volume = fake.me.channels["volume"][0]
+    volume = fake.state.channels["volume"][0]
     assert fake.control(121, 0) == [("let go", 0, 0)]
-    channel = fake.me.channels[0]
+    channel = fake.state.channels[0]
     assert (channel["sustain"], channel["legato"], channel["expression"], channel["bend_raw"]) == (0, 0, 1.0, 0.0)
     assert channel["volume"] == volume and fake.strings("key_pressure")[0] == 0.0
 
@@ -310,15 +310,15 @@ def test_a_bound_controller_sets_what_its_channel_plays():
     bindings = [(1, 0, PLUCK_POSITION, 0.1, 0.3), (7, 0, PLUCK_WIDTH, 1.0, 16.0), (7, 1, GAIN, 0.0, 4.0)]
     fake = Fake([[60]], [[60]], bindings=bindings)
     fake.control(1, 0)
-    assert fake.me.parameters[0, PLUCK_POSITION] == 0.1
+    assert fake.state.parameters[0, PLUCK_POSITION] == 0.1
     fake.control(1, 127)
-    assert fake.me.parameters[0, PLUCK_POSITION] == pytest.approx(0.3)
-    volume = fake.me.channels["volume"].copy()
+    assert fake.state.parameters[0, PLUCK_POSITION] == pytest.approx(0.3)
+    volume = fake.state.channels["volume"].copy()
     fake.control(7, 127, channel=1)
-    assert fake.me.parameters[1, GAIN] == 4.0 and fake.me.parameters[0, PLUCK_WIDTH] == 0.0
+    assert fake.state.parameters[1, GAIN] == 4.0 and fake.state.parameters[0, PLUCK_WIDTH] == 0.0
     fake.control(7, 0, channel=0)
-    assert fake.me.parameters[0, PLUCK_WIDTH] == 1.0
-    np.testing.assert_array_equal(fake.me.channels["volume"], volume)  # 7 means nothing else any more
+    assert fake.state.parameters[0, PLUCK_WIDTH] == 1.0
+    np.testing.assert_array_equal(fake.state.channels["volume"], volume)  # 7 means nothing else any more
 
 
 def test_a_parameter_waits_for_what_a_finger_has_yet_to_read():
@@ -330,10 +330,10 @@ def test_a_parameter_waits_for_what_a_finger_has_yet_to_read():
     fake.send(PARAMETER, 0, GAIN, value=3.0)
     assert fake.went_on == []
     fake.send(PARAMETER, 0, RELEASE, value=1e9)
-    assert fake.went_on == [1] and fake.me.parameters[0, RELEASE] == 20.0
+    assert fake.went_on == [1] and fake.state.parameters[0, RELEASE] == 20.0
     fake.send(PARAMETER, 0, RELEASE, value=math.nan)
     fake.send(PARAMETER, 1, RELEASE, value=1.0)
-    assert fake.me.parameters[0, RELEASE] == 20.0
+    assert fake.state.parameters[0, RELEASE] == 20.0
 
 
 def test_a_key_is_tuned_now_or_from_its_next_note_on():
@@ -346,13 +346,13 @@ def test_a_key_is_tuned_now_or_from_its_next_note_on():
     fake.send(TUNING, 0, 60, 1, 1e6)
     assert fake.strings("retune_to")[0] == MOST_RETUNING
     fake.send(TUNING, 0, 60, 1, math.nan)
-    assert fake.strings("retune_to")[0] == 0.0 and fake.me.tuning[60] == 0.0
+    assert fake.strings("retune_to")[0] == 0.0 and fake.state.tuning[60] == 0.0
 
 
 def test_what_no_string_plays_is_counted():
     fake = Fake([[60]], [[62]])
     assert fake.on(61) == [] and fake.on(60, channel=1) == [] and fake.on(60, channel=7) == []
-    assert fake.me.unplayed[0, 61] == fake.me.unplayed[1, 60] == fake.me.unplayed[2, 60] == 1
+    assert fake.state.unplayed[0, 61] == fake.state.unplayed[1, 60] == fake.state.unplayed[2, 60] == 1
     fake.send(NOTE_ON, 0, 200, 100)
     fake.send(NOTE_ON, 77, 60, 100)
     assert fake.asked == [] and fake.count(N_NOTES) == 3
@@ -395,12 +395,12 @@ def played(events: list[tuple[int, int, int, int]]) -> Fake:
         if kind == SLEEPS:
             fake.me.voices["awake"][c] = fake.me.voices["stolen"][c] = fake.me.hands["phase"][c] = 0
             continue
-        unplayed, notes = int(fake.me.unplayed.sum()), fake.count(N_NOTES)
+        unplayed, notes = int(fake.state.unplayed.sum()), fake.count(N_NOTES)
         asked = fake.send(kind, c, a, b)
         begun = [place for action, place, _ in asked if action in ("pluck", "slur")]
         if kind == NOTE_ON and b > 0:
             assert fake.count(N_NOTES) == notes + 1
-            assert len(begun) + int(fake.me.unplayed.sum()) - unplayed == 1
+            assert len(begun) + int(fake.state.unplayed.sum()) - unplayed == 1
             assert all(fake.me.positions["note"][k] == a for k in begun)
             assert all(fake.me.voices["note"][fake.place(k)[0]] == a for k in begun)
         else:
@@ -414,7 +414,7 @@ def played(events: list[tuple[int, int, int, int]]) -> Fake:
 def test_never_more_voices_than_allowed_and_every_note_accounted_for(events):
     fake = played(events)
     begun = [1 for action, _, _ in fake.asked if action in ("pluck", "slur")]
-    assert fake.count(N_NOTES) == len(begun) + int(fake.me.unplayed.sum())
+    assert fake.count(N_NOTES) == len(begun) + int(fake.state.unplayed.sum())
     assert fake.count(N_TAKEN) <= len(begun)
     assert fake.count(N_STOLEN) <= sum(action == "cut" for action, _, _ in fake.asked)
 

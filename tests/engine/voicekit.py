@@ -48,10 +48,12 @@ class Fake:
             "articulations": sum(len(articulations) for _ in parts),
             "N_PARAMETERS": layout.N_PARAMETERS,
             "N_COUNTERS": layout.N_COUNTERS,
+            "N_METERS": layout.N_METERS,
         }
         self._respond = _RESPONDER(self._do)  # kept: the table holds its address
         address = ctypes.cast(self._respond, ctypes.c_void_p).value
         me = self.me = allocate(Voices, sizes, polyphony=polyphony, rate_hz=1000.0, respond=address, core=0, thread=0)
+        self.state = allocate(layout.State, sizes)
         for k, (p, s, note, fret) in enumerate(positions):
             me.positions[k] = (p, s, note, fret, k, 0)
             me.strings["part"][s] = p
@@ -78,8 +80,8 @@ class Fake:
         for i, (_, p, index, low, high) in enumerate(rows):
             me.bindings[i] = (p, index, layout.PARAMETER_CURVES[index], low, high)
         me.bound[:] = np.searchsorted([row[0] for row in rows], np.arange(129))
-        power_up(me.channels)
-        self._table = table(me)
+        power_up(self.state.channels)
+        self._table = table(me, self.state)
         self._policy = policy.entry(decide)
         self.asked: list[tuple[str, int, int]] = []
         self.went_on: list[int] = []
@@ -102,7 +104,7 @@ class Fake:
     def send(self, kind: int, channel: int, a: int, b: int = 0, value: float = 0.0) -> list[tuple[str, int, int]]:
         """Let the policy decide about an event; what was asked, but for GO_ON."""
         before = len(self.asked)
-        self.me.event[0] = (0, kind, channel, a, b, value)
+        self.state.event[0] = (0, kind, channel, a, b, value)
         self._policy.ctypes(self.address)
         return self.asked[before:]
 
@@ -128,4 +130,4 @@ class Fake:
         return self.me.voices[field].tolist()
 
     def count(self, counter: int) -> int:
-        return int(self.me.counters[counter])
+        return int(self.state.counters[counter])

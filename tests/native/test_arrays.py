@@ -83,7 +83,7 @@ def test_lines_are_whole() -> None:
 
 
 def test_the_engine_declares_every_array_with_its_extents() -> None:
-    for kind in (layout.Bank, layout.State, layout.Sounding, layout.Shared, StringState, Scratch):
+    for kind in (*layout.CORE_PARTS[: layout.CORE_PARTS.index(layout.Settings)], StringState, Scratch):
         assert all(field.shape for field in fields(kind).values())
     assert fields(StringState)["grip_contacts"] == (np.dtype("f8"), ("contacts", "RESPONSE"))
 

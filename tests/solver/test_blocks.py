@@ -126,14 +126,16 @@ def test_ten_thousand_steps_of_a_case(name, overrides):
     q0, v0 = case.initial()
     model = case.model
     scene = Scene.__new__(Scene)
-    scene.law, scene.mu, scene.omega, scene.dt, scene.eta = model.law, model.mu, model.omega, model.dt, model.eta
-    scene.shapes, scene.residual, scene.coef, scene.g = model.shapes, model.residual, model.coef, model.g
+    scene.law, scene.dt, scene.g = model.string.law, model.string.dt, model.string.matrix
+    scene.mu, scene.omega, _ = model.modes
+    scene.shapes, scene.eta, scene.residual, *_ = model.under
+    scene.coef = np.ascontiguousarray(model.string.rows[:6, : model.string.modes])
     scene.weights, scene.v = model.out_shapes, v0
     scene.q, _, status = driver.static_contact(model, q0)
     assert status == 0
-    q, v, forces, u = scene.plain(10_000, model.restitution)
+    q, v, forces, u = scene.plain(10_000, model.string.restitution)
     for certified in (False, True):
-        got = scene.blocks(10_000, model.restitution, certified)
+        got = scene.blocks(10_000, model.string.restitution, certified)
         same(got[0], q, 1e-10, "q")
         same(got[1], v, 1e-10, "v")
         np.testing.assert_array_equal(got[2] > 0.0, forces > 0.0)

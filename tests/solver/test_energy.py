@@ -11,7 +11,6 @@ from synth.solver import driver
 from synth.solver.driver import Finger
 from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN, MOREAU_JEAN_FILTERED
 from synth.solver.lcp import SOLVED
-from synth.solver.stepwise import finger_row
 from synth.solver.stringmodel import StringContacts, StringModes
 
 
@@ -60,7 +59,7 @@ def random_scene(rng, compliant):
 
 
 def run(model, q, v, steps, ledger=True, every=1, force=None, published=False):
-    force = np.zeros(model.eta.size) if force is None else force
+    force = np.zeros(model.under.eta.size) if force is None else force
     state = driver.start_run(model, q, v, force, every, steps // every + 1, ledger, published)
     driver.run(model, state, steps)
     return state
@@ -82,7 +81,7 @@ def test_no_penetration_and_no_energy_from_nowhere(compliant):
         assert state.results.sums[driver.LEAST_CONTACT] >= -1e-12
         touched += state.results.counts[driver.CONTACT_STEPS] > 0
         several += bool(np.any((state.results.contact_force > 0).sum(axis=1) > 1))
-        fast += model.omega[-1] * model.dt > 10.0
+        fast += model.modes.omega[-1] * model.string.dt > 10.0
         # nothing is missing from the account
         stored, spring, viscous, contact, injected = state.results.energy.T
         np.testing.assert_allclose(stored + spring + viscous + contact, stored[0], rtol=1e-12)
@@ -97,22 +96,22 @@ def test_viscous_column_is_the_loss_integral():
     rng = np.random.default_rng(1)
     nodes, weights = np.polynomial.legendre.leggauss(30)
     model, q, v = random_scene(rng, False)
-    while not 1.0 < model.omega[-1] * model.dt < 4.0:
+    while not 1.0 < model.modes.omega[-1] * model.string.dt < 4.0:
         model, q, v = random_scene(rng, False)
     total, states = 0.0, []
     state = run(model, q, v, 0)
-    state = driver.start_run(model, q, v, np.zeros(model.eta.size), 1, 200, True, False)
+    state = driver.start_run(model, q, v, np.zeros(model.under.eta.size), 1, 200, True, False)
     contacts = 0
     for step in range(150):
         states = (state.q.copy(), state.v.copy())
         driver.run(model, state, 1)
         contacts += bool(np.any(state.force > 0.0))
-        f = state.force @ model.shapes
+        f = state.force @ model.under.shapes
         for x, w in zip(nodes, weights, strict=True):
-            part = 0.5 * (x + 1.0) * model.dt
-            c = coefficients(EXACT_HOLD, model.omega, model.sigma, model.mu, part)
+            part = 0.5 * (x + 1.0) * model.string.dt
+            c = coefficients(EXACT_HOLD, model.modes.omega, model.modes.sigma, model.modes.mu, part)
             speed = c[2] * states[0] + c[3] * states[1] + c[5] * f
-            total += 0.5 * w * model.dt * 2.0 * model.mu * float(model.sigma @ speed**2)
+            total += 0.5 * w * model.string.dt * 2.0 * model.modes.mu * float(model.modes.sigma @ speed**2)
         assert state.results.energy[step + 1, 2] == pytest.approx(total, rel=1e-9)
     assert contacts > 3
 
@@ -141,14 +140,14 @@ def test_pressed_start_begins_from_the_static_contact():
     for compliant in (False, True):
         for _ in range(40):
             model, _, _ = random_scene(rng, compliant)
-            modes = model.omega.size
-            raised = np.abs(rng.normal(size=model.eta.size)) * 1e-3 if model.eta.size < modes / 2 else None
+            modes = model.modes.omega.size
+            raised = np.abs(rng.normal(size=model.under.eta.size)) * 1e-3 if model.under.eta.size < modes / 2 else None
             if raised is None:
                 continue
             model = model.but(eta=raised)
             q, force, status = driver.static_contact(model, np.zeros(modes))
             assert status == SOLVED
-            gap = model.shapes @ q + model.residual @ force - model.eta
+            gap = model.under.shapes @ q + model.under.residual @ force - model.under.eta
             assert gap.min() >= -1e-12 and force.min() >= 0.0
             assert np.all(np.minimum(gap, force / max(force.max(), 1e-30)) <= 1e-9)
             # at equilibrium: the ledger sees no loss, no rise, and the forces stay
@@ -201,7 +200,7 @@ def test_moreau_jean_account_closes_and_tends_to_the_strings_energy(law):
     state = run(model, q, np.zeros(20), 3000)
     stored, _, viscous, contact, _ = state.results.energy.T
     np.testing.assert_allclose(stored + viscous + contact, stored[0], rtol=1e-11)
-    energy = 0.5 * model.mu * float(np.sum((model.omega * q) ** 2))
+    energy = 0.5 * model.modes.mu * float(np.sum((model.modes.omega * q) ** 2))
     assert stored[0] == pytest.approx(energy, rel=1e-2)
     assert state.results.counts[driver.CONTACT_STEPS] > 5
 
@@ -217,15 +216,13 @@ def test_what_a_finger_gives_is_what_the_string_has(law):
     model = build(string, modes, dt, [0.3], [-1.5e-3], law, restitution=1.0)
     j = np.arange(1, modes + 1)
     weights = mode_shapes(0.863, 0.6, modes)[0] * np.sinc(j * 0.01 / (4 * 0.863)) ** 2
-    coupling = np.zeros(1)
-    own = finger_row(law, model.coef, model.shapes, weights, coupling)
     steps = 20_000
     path = distance * 0.5 * (1 - np.cos(np.pi * np.arange(steps + 1) / steps))
-    finger = Finger(weights, coupling, own, 1e6, 1.0, path, np.zeros(2))
+    finger = Finger(weights, *model.finger_row(weights), 1e6, 1.0, path, np.zeros(2))
     state = driver.start_run(model, np.zeros(modes), np.zeros(modes), np.zeros(1), 1, 2 * steps + 1, True, False)
     driver.run(model, state, steps - int(state.results.counts[driver.STEPS]), finger)
     # an ideal string's shape: the modes' own static compliance under these weights
-    static = 0.5 * distance**2 / float(weights @ (weights / (model.mu * model.omega**2)))
+    static = 0.5 * distance**2 / float(weights @ (weights / (model.modes.mu * model.modes.omega**2)))
     stored = state.results.energy[steps - 1, 0]
     assert stored == pytest.approx(static, rel=0.02)
     assert state.results.energy[steps - 1, 4] >= stored
@@ -245,7 +242,7 @@ def test_ledger_and_blocks_do_not_change_the_motion():
     rng = np.random.default_rng(44)
     for _ in range(20):
         model, q, v = random_scene(rng, bool(rng.integers(2)))
-        model = model.but(out_shapes=rng.normal(size=(2, model.omega.size)))
+        model = model.but(out_shapes=rng.normal(size=(2, model.modes.omega.size)))
         weighed = run(model, q, v, 480, ledger=True, every=24).results
         plain = run(model, q, v, 480, ledger=False, every=24).results
         for name in ("u", "contact_u", "contact_force"):

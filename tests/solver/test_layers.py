@@ -20,9 +20,9 @@ from .test_energy import build, random_scene, run
 
 def random_layers(rng, model: Model) -> np.ndarray:
     """Springs from far softer to far stiffer than the string at the contact, with and without loss, some contacts bare."""
-    contacts = model.eta.size
-    stiffness = 10 ** rng.uniform(-2.0, 2.0, contacts) / np.diag(model.g)
-    resistance = 10 ** rng.uniform(-2.0, 1.0, contacts) * stiffness * model.dt * (rng.random(contacts) < 0.8)
+    contacts = model.under.eta.size
+    stiffness = 10 ** rng.uniform(-2.0, 2.0, contacts) / np.diag(model.string.matrix)
+    resistance = 10 ** rng.uniform(-2.0, 1.0, contacts) * stiffness * model.string.dt * (rng.random(contacts) < 0.8)
     return np.array([stiffness, resistance, 10 ** rng.uniform(-6.0, -3.0, contacts) * (rng.random(contacts) < 0.8)])
 
 
@@ -44,10 +44,10 @@ def test_layers_gain_nothing_and_have_an_end(compliant: bool) -> None:
         stored, held, viscous, contact, injected = state.results.energy.T
         np.testing.assert_allclose(stored + held + viscous + contact, stored[0] + held[0], rtol=1e-12)
         assert not injected.any()
-        depth = model.eta - state.results.contact_u
+        depth = model.under.eta - state.results.contact_u
         touched += state.results.counts[driver.CONTACT_STEPS] > 0
-        sunk += bool(np.any((depth > 1e-9) & (depth < 0.99 * model.layers[DEPTH])))
-        through += bool(np.any((depth > model.layers[DEPTH] - 1e-12) & (model.layers[DEPTH] > 0.0)))
+        sunk += bool(np.any((depth > 1e-9) & (depth < 0.99 * model.string.layers[DEPTH])))
+        through += bool(np.any((depth > model.string.layers[DEPTH] - 1e-12) & (model.string.layers[DEPTH] > 0.0)))
         lost += bool(contact[-1] > 1e-6 * stored[0])
     assert min(touched, sunk, through, lost) > 80, (touched, sunk, through, lost)
 
@@ -91,23 +91,23 @@ def test_the_kernel_is_what_trying_every_way_gives(contacts: int) -> None:
     ways = set()
     for _ in range(25):
         model, q, v = random_scene(rng, True)
-        while model.eta.size < contacts:
+        while model.under.eta.size < contacts:
             model, q, v = random_scene(rng, True)
-        some = np.sort(rng.choice(model.eta.size, contacts, replace=False))
+        some = np.sort(rng.choice(model.under.eta.size, contacts, replace=False))
         chosen = np.ix_(some, some)
-        model = model.but(shapes=model.shapes[some], eta=model.eta[some], residual=model.residual[chosen])
+        model = model.but(shapes=model.under.shapes[some], eta=model.under.eta[some], residual=model.under.residual[chosen])
         model = model.but(layers=random_layers(rng, model))
         state = driver.start_run(model, q, v, np.zeros(contacts), 1, 50, False, False)
-        coef = model.coef
+        coef = model.string.rows[:, : q.size]
         for _ in range(25):
-            u = model.shapes @ state.q + model.residual @ state.force
-            free = model.eta - model.shapes @ (coef[0] * state.q + coef[1] * state.v)
-            wanted = answer(model.g, free, model.eta - u, model.layers, model.dt)
+            u = model.under.shapes @ state.q + model.under.residual @ state.force
+            free = model.under.eta - model.under.shapes @ (coef[0] * state.q + coef[1] * state.v)
+            wanted = answer(model.string.matrix, free, model.under.eta - u, model.string.layers, model.string.dt)
             driver.run(model, state, 1)
-            scale = max(wanted.max(), np.abs(free).max() / np.diag(model.g).max())
+            scale = max(wanted.max(), np.abs(free).max() / np.diag(model.string.matrix).max())
             assert state.force == pytest.approx(wanted, abs=1e-8 * scale)
-            depth = model.eta - model.shapes @ state.q - model.residual @ state.force
-            ways |= set(zip((wanted > 0.0).tolist(), (depth < model.layers[DEPTH] - 1e-13).tolist(), strict=True))
+            depth = model.under.eta - model.under.shapes @ state.q - model.under.residual @ state.force
+            ways |= set(zip((wanted > 0.0).tolist(), (depth < model.string.layers[DEPTH] - 1e-13).tolist(), strict=True))
     assert ways >= {(False, True), (True, True), (True, False)}
 
 
@@ -116,7 +116,7 @@ def test_a_bare_contact_is_the_rigid_one() -> None:
     rng = np.random.default_rng(7)
     for _ in range(20):
         model, q, v = random_scene(rng, True)
-        bare = run(model.but(layers=np.zeros((3, model.eta.size))), q, v, 40)
+        bare = run(model.but(layers=np.zeros((3, model.under.eta.size))), q, v, 40)
         rigid = run(model, q, v, 40)
         assert rigid.results.counts[driver.CONTACT_STEPS] == bare.results.counts[driver.CONTACT_STEPS]
         np.testing.assert_allclose(bare.q, rigid.q, rtol=0.0, atol=1e-9 * np.abs(rigid.q).max())
@@ -128,7 +128,7 @@ def test_it_tends_to_a_spring_and_a_dashpot() -> None:
     stiffness, resistance, height = 4e4, 3.0, -2e-4
     base = build(string, 8, 1e-5, [0.45], [height])
     q0, v0 = 1.5e-3 * np.array([1.0, 0.3, -0.2, 0.1, 0.05, -0.05, 0.02, 0.01]), np.zeros(8)
-    shape, mu, omega, sigma = base.shapes[0], base.mu, base.omega, base.sigma
+    shape, (mu, omega, sigma) = base.under.shapes[0], base.modes
 
     def rates(_: float, y: np.ndarray) -> np.ndarray:
         q, v = y[:8], y[8:]
@@ -154,16 +154,16 @@ def test_at_rest_it_gives_way_as_far_as_it_must() -> None:
     soft = stopped = 0
     for _ in range(60):
         model, _, _ = random_scene(rng, True)
-        if model.eta.size > model.omega.size / 2:
+        if model.under.eta.size > model.modes.omega.size / 2:
             continue
-        model = model.but(eta=np.abs(rng.normal(size=model.eta.size)) * 1e-3, layers=random_layers(rng, model))
-        q, force, status = driver.static_contact(model, np.zeros(model.omega.size))
+        model = model.but(eta=np.abs(rng.normal(size=model.under.eta.size)) * 1e-3, layers=random_layers(rng, model))
+        q, force, status = driver.static_contact(model, np.zeros(model.modes.omega.size))
         assert status == SOLVED and force.min() >= 0.0
-        depth = model.eta - model.shapes @ q - model.residual @ force
-        assert np.all(depth <= model.layers[DEPTH] + 1e-12)
-        inside = (depth > 1e-9) & (depth < model.layers[DEPTH] - 1e-9)
-        np.testing.assert_allclose(force[inside], (model.layers[STIFFNESS] * depth)[inside], rtol=1e-6)
-        soft, stopped = soft + inside.any(), stopped + bool(np.any(force > 1.01 * model.layers[STIFFNESS] * depth))
+        depth = model.under.eta - model.under.shapes @ q - model.under.residual @ force
+        assert np.all(depth <= model.string.layers[DEPTH] + 1e-12)
+        inside = (depth > 1e-9) & (depth < model.string.layers[DEPTH] - 1e-9)
+        np.testing.assert_allclose(force[inside], (model.string.layers[STIFFNESS] * depth)[inside], rtol=1e-6)
+        soft, stopped = soft + inside.any(), stopped + bool(np.any(force > 1.01 * model.string.layers[STIFFNESS] * depth))
         state = run(model, q, np.zeros(q.size), 50, force=force)
         assert state.results.sums[driver.RISE] <= 1e-12
         assert np.abs(state.q - q).max() <= 1e-8 * np.abs(q).max()

@@ -10,7 +10,6 @@ from synth.physics.string import String
 from synth.solver import driver
 from synth.solver.driver import Finger
 from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN
-from synth.solver.stepwise import finger_row
 from synth.solver.stringmodel import StringContacts, StringModes
 from tests.oracles.steps import substepped_step
 
@@ -44,7 +43,7 @@ def scene(rng, contacts, substeps, rate_factor=1, compliant=True, points=2):
 
 
 def run(model, q, v, steps, every=1, ledger=False, finger=None):
-    state = driver.start_run(model, q, v, np.zeros(model.eta.size), every, steps // every + 1, ledger, False)
+    state = driver.start_run(model, q, v, np.zeros(model.under.eta.size), every, steps // every + 1, ledger, False)
     driver.run(model, state, steps, finger)
     return state
 
@@ -87,13 +86,11 @@ def test_several_contacts_against_the_twin(ledger):
     for seed in range(6):
         count = 2 + seed % 4
         model, q, v = scene(np.random.default_rng(100 + seed), 2 + seed % 3, count)
-        state = run(model, q, v, 40, ledger=ledger)
+        state, (mu, omega, sigma) = run(model, q, v, 40, ledger=ledger), model.modes
         divide = False
-        u, forces = [model.out_shapes @ q], [np.zeros(model.eta.size)]
+        u, forces = [model.out_shapes @ q], [np.zeros(model.under.eta.size)]
         for _ in range(40):
-            step, divide, means = substepped_step(
-                model.omega, model.sigma, model.mu, model.dt, count, model.shapes, model.eta, model.residual, q, v, divide
-            )
+            step, divide, means = substepped_step(omega, sigma, mu, model.string.dt, count, *model.under[:3], q, v, divide)
             q, v = step.q, step.v
             u.append(model.out_shapes @ q)
             forces.append(means)
@@ -109,10 +106,10 @@ def test_several_contacts_of_which_one_is_pressed_are_the_plain_scheme():
     rng = np.random.default_rng(5)
     model, q, _ = scene(rng, 3, 4)
     fine, _, _ = scene(np.random.default_rng(5), 3, 1, rate_factor=4)
-    eta = np.array([model.eta[0], 2e-3, model.eta[2]])
+    eta = np.array([model.under.eta[0], 2e-3, model.under.eta[2]])
     model, fine = model.but(eta=eta), fine.but(eta=eta)
     q, force, _ = driver.static_contact(fine, np.zeros(q.size))
-    v = 1e-3 * model.omega[0] * np.eye(q.size)[2]
+    v = 1e-3 * model.modes.omega[0] * np.eye(q.size)[2]
     runs = []
     for m, count in ((model, 1), (fine, 4)):
         state = driver.start_run(m, q, v, force, count, 41, False, False)
@@ -155,9 +152,7 @@ def test_a_finger_is_the_plain_scheme_at_k_times_the_rate(contacts):
     path = float(weights @ q) + 1e-3 * np.linspace(0.0, 1.0, steps * count + 1)
     runs = []
     for m, every, ledger in ((model, 1, False), (model, 1, True), (fine, count, False)):
-        coupling = np.zeros(contacts)
-        own = finger_row(EXACT_HOLD, fine.coef, m.shapes, weights, coupling)
-        finger = Finger(weights, coupling, own, 1e5, 1.0, path, np.array([path[0], 0.0]))
+        finger = Finger(weights, *fine.finger_row(weights), 1e5, 1.0, path, np.array([path[0], 0.0]))
         runs.append(run(m, q, v, steps * every, every=every, ledger=ledger, finger=finger))
     for state in runs[:2]:
         np.testing.assert_allclose(state.results.u, runs[2].results.u, rtol=0, atol=1e-10 * np.abs(runs[2].results.u).max())
@@ -167,9 +162,9 @@ def test_a_finger_is_the_plain_scheme_at_k_times_the_rate(contacts):
 def test_what_cannot_be_divided_is_refused():
     model, _, _ = scene(np.random.default_rng(0), 1, 1)
     given = (
-        StringModes(model.mu, model.omega, model.sigma),
-        model.dt,
-        StringContacts(model.shapes, model.eta, model.residual),
+        model.modes,
+        model.string.dt,
+        model.under,
         model.out_shapes,
         0.0,
     )

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchmarks.kernels import Plucked, Stretch
+from benchmarks.kernels import Plucked, Stretch, coefficients_of
 from synth.native.simd import LANES
 from synth.solver.block_rows import BLOCK
 from synth.solver.blocks import advance_blocks, fly_modes, press_blocks
@@ -33,13 +33,13 @@ def stretch(plucked: Plucked, steps: int, flies: bool = False, *, single: bool =
         string.q[:], string.v[:] = q0, v0
 
     def take() -> None:
-        if not flies and m.law != EXACT_HOLD:
+        if not flies and model.law != EXACT_HOLD:
             place_contacts(at, state, string.model.modes)
         for first in range(0, steps, _CALL):
             here = min(_CALL, steps - first)
             if flies:
                 fly_modes(at, scratch, string.state.q, string.state.v, string.model.modes, here // BLOCK, string.out(here))
-            elif m.law == EXACT_HOLD:
+            elif model.law == EXACT_HOLD:
                 press_blocks(at, state, scratch, here // BLOCK, here)
             else:
                 advance_blocks(at, state, scratch, here // BLOCK, here)
@@ -50,18 +50,18 @@ def stretch(plucked: Plucked, steps: int, flies: bool = False, *, single: bool =
 
 def misfit(plucked: Plucked) -> tuple[np.ndarray, np.ndarray]:
     """Φ^K − 1 rounded to float32: cents by which it detunes each mode, 1/s by which it changes its decay rate, (N,) both."""
-    one = np.moveaxis(plucked.model.coef[:4].reshape(2, 2, -1), -1, 0)
+    one = np.moveaxis(coefficients_of(plucked.model)[:4].reshape(2, 2, -1), -1, 0)
     whole = np.linalg.matrix_power(one, BLOCK)
     rounded = (whole - np.eye(2)).astype(np.float32).astype(np.float64) + np.eye(2)
     step, angle, off = (np.abs(np.angle(np.linalg.eigvals(phi))).max(axis=-1) for phi in (one, whole, rounded))
     cents = 1200.0 * np.log2(1.0 + (off - angle) / (BLOCK * step))
-    lost = np.log(np.linalg.det(whole) / np.linalg.det(rounded)) / (2.0 * BLOCK * plucked.model.dt)
+    lost = np.log(np.linalg.det(whole) / np.linalg.det(rounded)) / (2.0 * BLOCK * plucked.model.string.dt)
     return cents, lost
 
 
 def two_step_misfit(plucked: Plucked) -> np.ndarray:
     """Cents (N,) by which a mode is detuned when trace and determinant of a step are rounded; −∞: it swings no more."""
-    p11, p12, p21, p22 = plucked.model.coef[:4]
+    p11, p12, p21, p22 = coefficients_of(plucked.model)[:4]
     exact = (p11 + p22, p11 * p22 - p12 * p21)
     rounded = [a.astype(np.float32).astype(np.float64) for a in exact]
     angle, off = (np.arccos(np.clip(0.5 * trace / np.sqrt(det), -1.0, 1.0)) for trace, det in (exact, rounded))
@@ -72,12 +72,12 @@ def two_step_misfit(plucked: Plucked) -> np.ndarray:
 def drift(plucked: Plucked, seconds: float) -> float:
     """Cents by which free flight over so many seconds leaves any mode not yet below e⁻³⁰ from the float64 run's."""
     m = plucked.model
-    steps = BLOCK * round(seconds / m.dt / BLOCK)
-    heard = np.flatnonzero(m.sigma * seconds < 30.0)
+    steps = BLOCK * round(seconds / m.string.dt / BLOCK)
+    heard = np.flatnonzero(m.modes.sigma * seconds < 30.0)
     phases = []
     for single in (True, False):
         one, _ = stretch(plucked, steps, flies=True, single=single)
         one.call()
-        phases.append(one.q[heard] + 1j * one.v[heard] / m.omega[heard])
+        phases.append(one.q[heard] + 1j * one.v[heard] / m.modes.omega[heard])
     turned = np.angle(phases[0] / phases[1])
-    return float(1200.0 / np.log(2.0) * np.abs(turned / (m.omega[heard] * steps * m.dt)).max())
+    return float(1200.0 / np.log(2.0) * np.abs(turned / (m.modes.omega[heard] * steps * m.string.dt)).max())

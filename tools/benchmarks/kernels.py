@@ -69,10 +69,11 @@ def string(setting: Setting) -> Plucked:
     factor = math.ceil(float(modal_frequencies(low, setting.modes)[-1]) / math.pi / BASE_HZ)
     scene = Run(case, setting.scheme, factor, setting.modes, table).scene(0.01, 1)
     m = scene.model
-    some = np.unique(np.linspace(0, m.eta.size - 1, setting.contacts).round().astype(int))
+    shapes, eta, *_ = m.under
+    some = np.unique(np.linspace(0, eta.size - 1, setting.contacts).round().astype(int))
     if some.size != setting.contacts:
-        raise ValueError(f"the case {case} has {m.eta.size} contacts, {setting.contacts} are wanted")
-    fewer = m.but(shapes=m.shapes[some], eta=m.eta[some], residual=np.zeros((some.size, some.size)), layers=None)
+        raise ValueError(f"the case {case} has {eta.size} contacts, {setting.contacts} are wanted")
+    fewer = m.but(shapes=shapes[some], eta=eta[some], residual=np.zeros((some.size, some.size)), layers=None)
     return Plucked(fewer, *scene.initial())
 
 
@@ -80,7 +81,7 @@ def steps_of(setting: Setting, short: bool) -> int:
     """Steps of one round, a multiple of 64: some milliseconds' worth, and over contacts two periods (short: one)."""
     plucked = string(setting)
     work = (8e6 if short else 24e6) / (setting.modes * fma_per_mode_step(setting.contacts + 1))
-    periods = (1 if short else 2) * 2.0 * math.pi / plucked.model.omega[0] / plucked.model.dt
+    periods = (1 if short else 2) * 2.0 * math.pi / plucked.model.modes.omega[0] / plucked.model.string.dt
     return 64 * math.ceil(max(work, periods if setting.contacts else 0.0) / 64.0)
 
 
@@ -97,22 +98,26 @@ def _with_state(plucked: Plucked, take: Callable[[Model, np.ndarray, np.ndarray]
     return Stretch(lambda: take(model, q, v), reset, q, v)
 
 
+def coefficients_of(model: Model) -> np.ndarray:
+    """(6, N)"""
+    return np.ascontiguousarray(model.string.rows[:6, : model.string.modes])
+
+
 def _free(plucked: Plucked, steps: int) -> Stretch:
-    out, none = np.zeros(steps), np.zeros(0)
+    out, none, coef = np.zeros(steps), np.zeros(0), coefficients_of(plucked.model)
 
     def take(m: Model, q: np.ndarray, v: np.ndarray) -> None:
-        advance_free(steps, m.coef, q, v, m.out_shapes[0], m.out_shapes[0], 1, 0, out, none)
+        advance_free(steps, coef, q, v, m.out_shapes[0], m.out_shapes[0], 1, 0, out, none)
 
     return _with_state(plucked, take)
 
 
 def _one(plucked: Plucked, steps: int) -> Stretch:
-    out, none = np.zeros(steps), np.zeros(0)
+    out, none, coef = np.zeros(steps), np.zeros(0), coefficients_of(plucked.model)
 
     def take(m: Model, q: np.ndarray, v: np.ndarray) -> None:
-        advance_one(
-            steps, m.coef, m.shapes[0], m.eta[0], m.g[0, 0], q, v, m.out_shapes[0], m.out_shapes[0], 1, 0, out, none
-        )  # fmt: skip
+        shape, eta, g = m.under.shapes[0], m.under.eta[0], m.string.matrix[0, 0]
+        advance_one(steps, coef, shape, eta, g, q, v, m.out_shapes[0], m.out_shapes[0], 1, 0, out, none)
 
     return _with_state(plucked, take)
 
@@ -164,12 +169,14 @@ def _naive_loop(steps, coef, shape, eta, g, touches, q, v, weights, out):
 
 
 def _naive(plucked: Plucked, steps: int) -> Stretch:
-    out = np.zeros(steps)
-    touches = plucked.model.eta.size == 1
+    out, coef = np.zeros(steps), coefficients_of(plucked.model)
+    touches = plucked.model.under.eta.size == 1
 
     def take(m: Model, q: np.ndarray, v: np.ndarray) -> None:
-        shape, eta, g = (m.shapes[0], m.eta[0], m.g[0, 0]) if touches else (m.out_shapes[0], 0.0, 1.0)
-        _naive_loop(steps, m.coef, shape, eta, g, touches, q, v, m.out_shapes[0], out)
+        shape, eta, g = m.out_shapes[0], 0.0, 1.0
+        if touches:
+            shape, eta, g = m.under.shapes[0], m.under.eta[0], m.string.matrix[0, 0]
+        _naive_loop(steps, coef, shape, eta, g, touches, q, v, m.out_shapes[0], out)
 
     return _with_state(plucked, take)
 

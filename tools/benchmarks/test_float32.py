@@ -31,8 +31,8 @@ def test_float32_speed(race: Race, modes: int, scene: str, short: bool) -> None:
     plucked, steps = kernels.string(setting), kernels.steps_of(setting, short)
     if scene == "always pressed":
         m = plucked.model
-        eta = m.eta + 2.0 * np.abs(m.shapes @ plucked.q)
-        plucked = plucked._replace(model=replace(m, eta=eta, string=m.string._replace(eta=eta)))
+        eta = m.under.eta + 2.0 * np.abs(m.under.shapes @ plucked.q)
+        plucked = plucked._replace(model=replace(m, under=m.under._replace(eta=eta), string=m.string._replace(eta=eta)))
     flies = scene == "in flight"
     double, single = (float32.stretch(plucked, steps, flies, single=each)[0] for each in (False, True))
     race(double.call, reset=double.reset, against={"single": (single.call, single.reset)})

@@ -31,9 +31,9 @@ def kernel_of(scene: Scene) -> Callable[[], np.ndarray]:
     q, v = scene.initial()
     q, force, _ = driver.static_contact(m, q)
     run = driver.start_run(m, q, v, force, STEPS, 2, False, scene.case.scheme.start == "published")
-    if m.parts > 1 and m.eta.size > 1:
+    if m.parts > 1 and m.under.eta.size > 1:
         return _substepped(m, run)
-    hold, contacts = m.law == EXACT_HOLD, m.eta.size
+    hold, contacts = m.string.law == EXACT_HOLD, m.under.eta.size
     certified = int(hold and contacts >= CERTIFY_FROM)
     model = (m.part if contacts == 1 else m.string)._replace(points=1, on_q=1, certified=certified)
     in_blocks = model.step == 0 and model.lags.shape[0] == contacts

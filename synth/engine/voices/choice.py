@@ -6,7 +6,7 @@ from numba import njit
 
 from synth.engine.layout import CORE, PRESS, WAIT
 from synth.engine.voices.channels import legato_on
-from synth.engine.voices.voice_table import voices_of
+from synth.engine.voices.voice_table import state_seen, voices_of
 
 #: a fret's way of the hand costs 1; what outweighs any way: a string that is held costs more than any other, one that sounds
 #: the note already less, and one to be hammered on or pulled off lies between
@@ -17,9 +17,9 @@ OCCUPIED, SAME_NOTE, SLURRED = 1000.0, -1000.0, -500.0
 def choose_position(voices: int, p: int, c: int, note: int, choir: int) -> int:
     """The string already playing the note, else a string that is not held, nearest to the hand; among equals the one
     plucked longest ago. −1 where the note is on no string of this choir of part p."""
-    me = voices_of(voices)
+    me, state = voices_of(voices), state_seen(voices)
     part = me.parts[p]
-    hand = me.part_state[p].hand
+    hand = state.part_state[p].hand
     best, best_cost, best_age = -1, 0.0, 0
     for k in range(part.first_position, part.end_position):
         position = me.positions[k]

@@ -12,7 +12,7 @@ from synth.engine.voices.mpe import set_zone
 from synth.engine.voices.notes import release_all, silence, sustain
 from synth.engine.voices.retuning import set_parameter
 from synth.engine.voices.switching import forget_switches, rule
-from synth.engine.voices.voice_table import voices_of
+from synth.engine.voices.voice_table import state_seen, voices_of
 from synth.midi.zones import CONFIGURATION, MOST_MEMBERS
 
 #: widest pitch bend that can be asked for [semitones]
@@ -23,8 +23,8 @@ RPN_BEND, RPN_ZONE = 0, CONFIGURATION
 
 @njit(**CORE)
 def control(voices: int, c: int, controller: int, value: int) -> None:
-    me = voices_of(voices)
-    channel = me.channels[c]
+    me, state = voices_of(voices), state_seen(voices)
+    channel = state.channels[c]
     value = min(max(value, 0), 127)
     x = value / 127.0
     if 0 <= controller < 128 and me.bound[controller + 1] > me.bound[controller]:
@@ -73,9 +73,9 @@ def control(voices: int, c: int, controller: int, value: int) -> None:
 @njit(**CORE)
 def _set_bound(voices: int, c: int, first: int, end: int, value: int) -> None:
     """Set live parameters of the parts that a channel plays from a controller's value."""
-    me = voices_of(voices)
+    me, state = voices_of(voices), state_seen(voices)
     x = value / 127.0
-    leader = me.channels[c].master
+    leader = state.channels[c].master
     for i in range(first, end):
         row = me.bindings[i]
         if me.plays[leader, row.part]:
@@ -90,7 +90,7 @@ def _set_bound(voices: int, c: int, first: int, end: int, value: int) -> None:
 @njit(**CORE)
 def _bend_range(voices: int, c: int, semitones: float, cents: float) -> None:
     """Whole semitones or cents of the bend range, the other negative; of a member of a zone it is that of all."""
-    channels = voices_of(voices).channels
+    channels = state_seen(voices).channels
     master = channels[c].master
     for k in range(channels.size):
         if k == c or (master != c and channels[k].master == master and k != master):
@@ -105,11 +105,11 @@ def _bend_range(voices: int, c: int, semitones: float, cents: float) -> None:
 def _reset_controllers(voices: int, c: int) -> None:
     """Of a channel, or of a whole zone by its master, as the recommended practice RP-015 has it: levels, pan, program and
     sound controllers stay."""
-    me = voices_of(voices)
+    me, state = voices_of(voices), state_seen(voices)
     forget_switches(voices, c)
-    for k in range(me.channels.size):
+    for k in range(state.channels.size):
         if belongs(voices, k, c):
-            channel = me.channels[k]
+            channel = state.channels[k]
             channel.expression = 1.0
             channel.legato = 0
             channel.rpn = RPN_NONE

@@ -7,7 +7,7 @@ from numba import int64, njit
 from synth.engine.layout import CORE
 from synth.engine.voices.channels import MEMBER_BEND, PLAIN_BEND, manager
 from synth.engine.voices.notes import give_up, sustain
-from synth.engine.voices.voice_table import voices_of
+from synth.engine.voices.voice_table import state_seen
 from synth.jit.entries import kernel
 from synth.midi.zones import LOWER, UPPER, master_of, yielded
 
@@ -17,8 +17,8 @@ _master_of, _yielded = njit(**CORE)(master_of), njit(**CORE)(yielded)
 @kernel(int64, int64, int64)
 def set_zone(voices: int, zone: int, members: int) -> None:
     """Begin, change or end an MPE zone, LOWER or UPPER; the other one yields. Its channels begin anew."""
-    me = voices_of(voices)
-    channels, zones = me.channels, me.zones
+    state = state_seen(voices)
+    channels, zones = state.channels, state.zones
     zones[zone] = members
     zones[1 - zone] = _yielded(members, zones[1 - zone])
     leader = manager(zone)
@@ -36,5 +36,5 @@ def set_zone(voices: int, zone: int, members: int) -> None:
         channels[c].ruled = -1
         channels[c].timbre = 64
         channels[c].master = master
-    for p in range(me.part_state.size):
-        me.part_state[p].channel = channels[me.part_state[p].channel].master
+    for p in range(state.part_state.size):
+        state.part_state[p].channel = channels[state.part_state[p].channel].master

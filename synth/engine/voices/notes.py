@@ -12,7 +12,7 @@ from synth.engine.voices.slurring import has_begun, position_held_below, slur
 from synth.engine.voices.stealing import make_room
 from synth.engine.voices.strumming import take_turn
 from synth.engine.voices.switching import articulation_of, switch
-from synth.engine.voices.voice_table import cut, go_on, let_go, pluck, voices_of
+from synth.engine.voices.voice_table import cut, go_on, let_go, pluck, state_seen, voices_of
 
 #: what a slur back to a key is asked with, which has no loudness of its own
 RELEASE_VELOCITY = 64
@@ -21,17 +21,17 @@ RELEASE_VELOCITY = 64
 @njit(**CORE)
 def note_on(voices: int, c: int, note: int, velocity: int) -> None:
     """velocity : 1 … 127; more counts as 127."""
-    me = voices_of(voices)
+    me, state = voices_of(voices), state_seen(voices)
     if not 0 <= note <= 127:
         return
     p = part_of(voices, c)
     if p >= 0 and switch(voices, c, p, note):
         return
     velocity = min(velocity, 127)
-    me.counters[N_NOTES] += 1
-    me.keys[c, note] = me.counters[N_NOTES]
+    state.counters[N_NOTES] += 1
+    state.keys[c, note] = state.counters[N_NOTES]
     if p < 0:
-        me.unplayed[me.parts.size, note] += 1
+        state.unplayed[me.parts.size, note] += 1
         return
     way = articulation_of(voices, c, p, velocity)
     if me.articulations[way].harmonic:
@@ -47,13 +47,13 @@ def note_on(voices: int, c: int, note: int, velocity: int) -> None:
             _begin(voices, p, c, note, velocity, chosen, way, 0.0)
             played = True
     if not played:
-        me.unplayed[p, note] += 1
+        state.unplayed[p, note] += 1
 
 
 @njit(**CORE)
 def _begin(voices: int, p: int, c: int, note: int, velocity: int, chosen: int, way: int, node: float) -> None:
     """The note on one position of part p, by this articulation; touched at `node` for a harmonic, 0 for none."""
-    me = voices_of(voices)
+    me, state = voices_of(voices), state_seen(voices)
     position = me.positions[chosen]
     voice, hand = me.voices[position.string], me.hands[position.string]
     go_on(voices, position.string)
@@ -62,7 +62,7 @@ def _begin(voices: int, p: int, c: int, note: int, velocity: int, chosen: int, w
     elsewhere = hand.model != position.model or voice.pull_to != 0.0 or hand.glide_to >= 0
     legato = legato_on(voices, c) and node == 0.0 and voice.held != 0 and has_begun(voices, position.string) and elsewhere
     if voice.held and voice.awake and not legato and (voice.note != note or voice.channel != c):
-        me.counters[N_TAKEN] += 1
+        state.counters[N_TAKEN] += 1
     voice.articulation = way
     voice.node = node
     hand.wait = 0
@@ -73,13 +73,13 @@ def _begin(voices: int, p: int, c: int, note: int, velocity: int, chosen: int, w
     voice.held = 1
     voice.sustained = 0
     voice.stolen = 0
-    voice.plucked_at = me.counters[N_NOTES]
-    voice.retune_to = me.tuning[position.note]
+    voice.plucked_at = state.counters[N_NOTES]
+    voice.retune_to = state.tuning[position.note]
     voice.key_pressure = 0.0
     voice.timbre = timbre_of(voices, c)
-    me.part_state[p].channel = me.channels[c].master
+    state.part_state[p].channel = state.channels[c].master
     if position.fret > 0:
-        me.part_state[p].hand = position.fret
+        state.part_state[p].hand = position.fret
     if legato:
         slur(voices, chosen, velocity)
     else:
@@ -89,10 +89,10 @@ def _begin(voices: int, p: int, c: int, note: int, velocity: int, chosen: int, w
 
 @njit(**CORE)
 def note_off(voices: int, c: int, note: int) -> None:
-    me = voices_of(voices)
+    me, state = voices_of(voices), state_seen(voices)
     if not 0 <= note <= 127:
         return
-    me.keys[c, note] = 0
+    state.keys[c, note] = 0
     for s in range(me.voices.size):
         voice = me.voices[s]
         if voice.held and voice.channel == c and voice.note == note:
@@ -109,13 +109,13 @@ def note_off(voices: int, c: int, note: int) -> None:
 @njit(**CORE)
 def _go_back(voices: int, s: int, k: int) -> None:
     """A string whose key is let go goes back to a key that is still held."""
-    me = voices_of(voices)
+    me, state = voices_of(voices), state_seen(voices)
     position, voice = me.positions[k], me.voices[s]
     voice.note = position.note
-    voice.retune_to = me.tuning[position.note]
+    voice.retune_to = state.tuning[position.note]
     voice.key_pressure = 0.0
     if position.fret > 0:
-        me.part_state[me.strings[s].part].hand = position.fret
+        state.part_state[me.strings[s].part].hand = position.fret
     slur(voices, k, RELEASE_VELOCITY)
 
 
@@ -147,8 +147,8 @@ def release_all(voices: int, c: int) -> None:
 @njit(**CORE)
 def sustain(voices: int, c: int, value: int) -> None:
     """The pedal of a channel or zone: down from 64 on."""
-    me = voices_of(voices)
-    me.channels[c].sustain = 1 if value >= 64 else 0
+    me, state = voices_of(voices), state_seen(voices)
+    state.channels[c].sustain = 1 if value >= 64 else 0
     if value < 64:
         for s in range(me.voices.size):
             voice = me.voices[s]
@@ -175,8 +175,8 @@ def silence(voices: int, c: int) -> None:
 @njit(**CORE)
 def give_up(voices: int, c: int) -> None:
     """Nothing holds any longer what channel c alone has begun."""
-    me = voices_of(voices)
-    me.keys[c] = 0
+    me, state = voices_of(voices), state_seen(voices)
+    state.keys[c] = 0
     for s in range(me.voices.size):
         if me.voices[s].channel == c:
             go_on(voices, s)
@@ -188,7 +188,7 @@ def give_up(voices: int, c: int) -> None:
 @njit(**CORE)
 def _forget_keys(voices: int, c: int) -> None:
     """No key of the channel, or of its zone, is down any more."""
-    me = voices_of(voices)
-    for k in range(me.channels.size):
+    state = state_seen(voices)
+    for k in range(state.channels.size):
         if belongs(voices, k, c):
-            me.keys[k] = 0
+            state.keys[k] = 0

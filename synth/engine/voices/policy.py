@@ -14,7 +14,7 @@ from synth.engine.voices.control_changes import control
 from synth.engine.voices.notes import note_off, note_on, press_key
 from synth.engine.voices.retuning import set_parameter, tune
 from synth.engine.voices.switching import choose_program
-from synth.engine.voices.voice_table import voices_of
+from synth.engine.voices.voice_table import state_seen
 from synth.jit import entries
 from synth.midi.events import (
     BEND,
@@ -31,21 +31,21 @@ from synth.midi.events import (
 
 @njit(**CORE)
 def handle(voices: int) -> None:
-    """What the event at hand, `Voices.event`, means. What means nothing changes nothing."""
-    me = voices_of(voices)
-    event = me.event[0]
+    """What the event at hand, `State.event`, means. What means nothing changes nothing."""
+    state = state_seen(voices)
+    event = state.event[0]
     kind, value = event.kind, event.value
     # of one type from here on: what is called from several places would be compiled once for each
     c, a, b = int(np.int64(event.channel)), int(np.int64(event.a)), int(np.int64(event.b))
     if kind == PARAMETER:
-        if 0 <= c < me.parameters.shape[0] and 0 <= a < me.parameters.shape[1]:
+        if 0 <= c < state.parameters.shape[0] and 0 <= a < state.parameters.shape[1]:
             if math.isfinite(value):
                 set_parameter(voices, c, a, value)
         return
     if kind == TUNING:
         tune(voices, a, value, b)
         return
-    if not 0 <= c < me.channels.size:
+    if not 0 <= c < state.channels.size:
         return
     if kind == NOTE_ON and b > 0:
         note_on(voices, c, a, b)
@@ -54,11 +54,11 @@ def handle(voices: int) -> None:
     elif kind == CONTROL:
         control(voices, c, a, b)
     elif kind == BEND:
-        me.channels[c].bend_raw = max(-1.0, min(1.0, a / 8192.0))
+        state.channels[c].bend_raw = max(-1.0, min(1.0, a / 8192.0))
     elif kind == PROGRAM:
         choose_program(voices, c, a & 127)
     elif kind == PRESSURE:
-        me.channels[c].pressure = min(max(b, 0), 127) / 127.0
+        state.channels[c].pressure = min(max(b, 0), 127) / 127.0
     elif kind == KEY_PRESSURE:
         press_key(voices, c, a, b)
 

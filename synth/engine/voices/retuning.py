@@ -7,7 +7,7 @@ import math
 from numba import njit
 
 from synth.engine.layout import CORE, GAIN, HEIGHT, NO_FINGER, PARAMETER_RANGES
-from synth.engine.voices.voice_table import go_on, voices_of
+from synth.engine.voices.voice_table import go_on, state_seen, voices_of
 
 #: no key is tuned further away from its compiled pitch [semitones]
 MOST_RETUNING = 24.0
@@ -16,27 +16,27 @@ MOST_RETUNING = 24.0
 @njit(**CORE)
 def set_parameter(voices: int, p: int, index: int, value: float) -> None:
     """A live parameter of part p, brought back into its range."""
-    me = voices_of(voices)
+    me, state = voices_of(voices), state_seen(voices)
     if index != GAIN and index != HEIGHT:  # what a finger already at work is yet to read
         for s in range(me.strings.size):
             voice, hand = me.voices[s], me.hands[s]
             if me.strings[s].part == p and voice.awake and hand.phase != NO_FINGER:
                 go_on(voices, s)
     low, high = PARAMETER_RANGES[index]
-    me.parameters[p, index] = min(max(value, low), high)
+    state.parameters[p, index] = min(max(value, low), high)
 
 
 @njit(**CORE)
 def tune(voices: int, key: int, pitch: float, at_once: int) -> None:
     """Another pitch for a key, in semitones; its compiled one where that is no number."""
-    me = voices_of(voices)
-    if not 0 <= key < me.tuning.size:
+    me, state = voices_of(voices), state_seen(voices)
+    if not 0 <= key < state.tuning.size:
         return
     offset = 0.0
     if math.isfinite(pitch):
         offset = max(-MOST_RETUNING, min(MOST_RETUNING, pitch - me.pitch[key]))
-    before = me.tuning[key]
-    me.tuning[key] = offset
+    before = state.tuning[key]
+    state.tuning[key] = offset
     if at_once:
         for s in range(me.voices.size):
             if me.voices[s].note == key:

@@ -6,7 +6,7 @@ from numba import njit
 
 from synth.engine.layout import CORE, PRESS, WAIT
 from synth.engine.voices.channels import legato_on
-from synth.engine.voices.voice_table import pluck, voices_of
+from synth.engine.voices.voice_table import pluck, state_seen, voices_of
 
 
 @njit(**CORE)
@@ -20,13 +20,13 @@ def has_begun(voices: int, s: int) -> bool:
 @njit(**CORE)
 def slur(voices: int, k: int, velocity: int) -> None:
     """The string of position k, which sounds, goes there; where its part's hand can, it is pulled aside instead."""
-    me = voices_of(voices)
+    me, state = voices_of(voices), state_seen(voices)
     s = me.positions[k].string
     voice, base = me.voices[s], _stopped_at(voices, s)
     if base >= 0:
         aside = _pitch(voices, me.positions[k].note) - _pitch(voices, me.positions[base].note)
         if 0.0 <= aside <= me.parts[me.strings[s].part].meend:
-            voice.retune_to = me.tuning[me.positions[base].note]
+            voice.retune_to = state.tuning[me.positions[base].note]
             voice.pull_to = aside
             return
     pluck(voices, k, velocity, True)
@@ -35,8 +35,8 @@ def slur(voices: int, k: int, velocity: int) -> None:
 @njit(**CORE)
 def _pitch(voices: int, note: int) -> float:
     """Of a key as it is now tuned [semitones]."""
-    me = voices_of(voices)
-    return me.pitch[note] + me.tuning[note]
+    me, state = voices_of(voices), state_seen(voices)
+    return me.pitch[note] + state.tuning[note]
 
 
 @njit(**CORE)
@@ -58,7 +58,7 @@ def _stopped_at(voices: int, s: int) -> int:
 def position_held_below(voices: int, s: int) -> int:
     """Where legato takes string s back to as its key is let go: the lower key still held that was struck last, which this
     string can play and no other one sounds. −1: nowhere."""
-    me = voices_of(voices)
+    me, state = voices_of(voices), state_seen(voices)
     voice = me.voices[s]
     if me.strings[s].positions == 1 or voice.node > 0.0 or not (has_begun(voices, s) and legato_on(voices, voice.channel)):
         return -1
@@ -67,7 +67,7 @@ def position_held_below(voices: int, s: int) -> int:
     for k in range(part.first_position, part.end_position):
         position = me.positions[k]
         if position.string == s and position.note < voice.note:
-            struck = me.keys[voice.channel, position.note]
+            struck = state.keys[voice.channel, position.note]
             if struck > latest and not _sounds_elsewhere(voices, s, position.note):
                 best, latest = k, struck
     return best

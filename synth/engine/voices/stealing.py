@@ -5,14 +5,14 @@ from __future__ import annotations
 from numba import njit
 
 from synth.engine.layout import CORE, N_STOLEN
-from synth.engine.voices.voice_table import cut, go_on, voices_of
+from synth.engine.voices.voice_table import cut, go_on, state_seen, voices_of
 
 
 @njit(**CORE)
 def make_room(voices: int) -> None:
     """Before another string begins: where as many sound as are allowed, the quietest is cut, of equals the one plucked
     first."""
-    me = voices_of(voices)
+    me, state = voices_of(voices), state_seen(voices)
     sounding = 0
     quietest = -1
     for s in range(me.voices.size):
@@ -30,5 +30,5 @@ def make_room(voices: int) -> None:
         me.voices[quietest].stolen = 1
         me.voices[quietest].held = 0
         me.voices[quietest].sustained = 0
-        me.counters[N_STOLEN] += 1
+        state.counters[N_STOLEN] += 1
         cut(voices, quietest)

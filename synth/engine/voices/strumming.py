@@ -10,7 +10,7 @@ from __future__ import annotations
 from numba import njit
 
 from synth.engine.layout import CORE, WAIT
-from synth.engine.voices.voice_table import go_on, pluck, voices_of
+from synth.engine.voices.voice_table import go_on, pluck, state_seen, voices_of
 
 #: a note belongs to a chord that began, or of which the last string sounds, so long before it [s]
 TOGETHER_S = 0.015
@@ -22,10 +22,10 @@ def take_turn(voices: int, k: int, velocity: int) -> None:
 
     The string's record is still that of the note before, but for its articulation.
     """
-    me = voices_of(voices)
+    me, state = voices_of(voices), state_seen(voices)
     s = me.positions[k].string
     p = me.strings[s].part
-    voice, hand, chord, now = me.voices[s], me.hands[s], me.part_state[p], me.event[0].frame
+    voice, hand, chord, now = me.voices[s], me.hands[s], state.part_state[p], state.event[0].frame
     gap = me.articulations[voice.articulation].strum_s * me.rate_hz
     begun = me.voices[chord.strum_first].plucked_at
     members = 0
@@ -62,8 +62,8 @@ def _is_of(voices: int, t: int, p: int, begun: int) -> bool:
 @njit(**CORE)
 def _put_off(voices: int, t: int, p: int, s: int, begun: int, gap: float) -> None:
     """String t of a chord, of which string s is now one, too, and comes before it, has its turn later, if it is not over."""
-    me = voices_of(voices)
-    hand, chord, now = me.hands[t], me.part_state[p], me.event[0].frame
+    me, state = voices_of(voices), state_seen(voices)
+    hand, chord, now = me.hands[t], state.part_state[p], state.event[0].frame
     if now > chord.strum_at:
         go_on(voices, t)
         if hand.phase != WAIT:

@@ -1,6 +1,6 @@
 """What the policy sees, behind one address, and what it may ask of its responder.
 
-    me = voices_of(voices)          # in compiled code: me.voices, me.positions, me.polyphony
+    me, state = voices_of(voices), state_seen(voices)   # in compiled code: me.voices, me.polyphony, state.channels
     pluck(voices, k, velocity, legato)
 
 The responder is a C function void(core, thread, action, place, velocity) of five int64, of which the table holds the
@@ -23,17 +23,16 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numba import njit
 
-from synth.engine.layout import ARTICULATION, BINDING, CHANNEL, CORE, HAND, PART, PART_STATE, POSITION, STRING, VOICE
-from synth.midi.events import EVENT
+from synth.engine.layout import ARTICULATION, BINDING, CORE, HAND, PART, POSITION, STRING, VOICE, State
 from synth.native.arrays import f8, i8, struct
-from synth.native.views import ask, opener
+from synth.native.views import ask, opener, words
 
 #: actions
 GO_ON, PLUCK, SLUR, CUT, LET_GO = range(5)
 
 
 class Voices(NamedTuple):
-    """Of the strings and their positions, of channels and parts what decides who plays. Arrays of the core's."""
+    """Strings and what may be played on them, of which the policy decides who plays. Arrays of the core's."""
 
     voices: Annotated[np.ndarray, struct(VOICE, "strings")]  # one for each string
     hands: Annotated[np.ndarray, struct(HAND, "strings")]  # read, but for what is pending and how long
@@ -46,15 +45,6 @@ class Voices(NamedTuple):
     pitch: Annotated[np.ndarray, f8("128")]
     bindings: Annotated[np.ndarray, struct(BINDING, "bindings")]
     bound: Annotated[np.ndarray, i8("129")]
-    channels: Annotated[np.ndarray, struct(CHANNEL, "16")]
-    part_state: Annotated[np.ndarray, struct(PART_STATE, "parts")]  # hand, channel, strum
-    parameters: Annotated[np.ndarray, f8("parts, N_PARAMETERS")]
-    tuning: Annotated[np.ndarray, f8("128")]
-    zones: Annotated[np.ndarray, i8("2")]
-    keys: Annotated[np.ndarray, i8("16, 128")]
-    unplayed: Annotated[np.ndarray, i8("parts + 1, 128")]
-    counters: Annotated[np.ndarray, i8("N_COUNTERS")]  # N_NOTES, N_STOLEN, N_TAKEN
-    event: Annotated[np.ndarray, struct(EVENT, "1")]  # at hand
     polyphony: int
     rate_hz: float
     respond: int  # address of the responder, and what it is called with
@@ -62,8 +52,11 @@ class Voices(NamedTuple):
     thread: int
 
 
-#: (address) → the Voices that are there, in compiled code
-voices_of = opener(Voices)
+#: what stands in the policy's table, in this order; of the State it changes part_state.hand, .channel and .strum_…, of the
+#: counters N_NOTES, N_STOLEN, N_TAKEN, and not the meters
+VOICE_PARTS = (Voices, State)
+#: (address) → the Voices, the State that are there, in compiled code
+voices_of, state_seen = opener(Voices), opener(State, words(Voices))
 
 
 @njit(**CORE)

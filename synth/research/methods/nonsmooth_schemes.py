@@ -17,7 +17,7 @@ from synth.solver.driver import Finger
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.lcp import SOLVED
 from synth.solver.problem import Outcome, kept_array
-from synth.solver.stepwise import LEAST_STIFFNESS, finger_row
+from synth.solver.stepwise import LEAST_STIFFNESS
 
 _MOST_PATH = 1 << 16  # steps of an obstacle's path that are prepared at once
 
@@ -100,7 +100,7 @@ def _started(scene: Scene) -> tuple[driver.Run, float]:
     q, force, status = driver.static_contact(model, q0)
     if status != SOLVED:
         raise CaseError("obstacle: no static shape of the string lies over it; lower heights_m or take more modes")
-    lifted = float(np.abs(model.shapes @ (q - q0)).max(initial=0.0))
+    lifted = float(np.abs(model.under.shapes @ (q - q0)).max(initial=0.0))
     published = case.scheme.start == "published"
     every = case.run.steps_per_output
     return driver.start_run(model, q, v0, force, every, scene.outputs, case.run.ledger, published), lifted
@@ -110,8 +110,7 @@ def _compile(scene: Scene, state: driver.Run, model: driver.Model) -> None:
     """Kernels made, or loaded, by no step of the run, so that its time is that of the steps."""
     driver.run(model, state, 0)
     for finger in scene.fingers[:1]:
-        weights, coupling = scene.pluck_weights(finger), np.zeros(model.eta.size)
-        finger_row(model.law, model.coef, model.shapes, weights, coupling)
+        model.finger_row(scene.pluck_weights(finger))
 
 
 def _step(scene: Scene, t: float) -> int:
@@ -146,7 +145,7 @@ class _Hold:
         self.slip_force: float | None = None  # [N] with which it begins
         self.weights = scene.pluck_weights(finger)
         self.state = np.array([here, 0.0]) if state is None else state
-        self._dt, self._law = scene.dt, scene.model.law
+        self._dt, self._law = scene.dt, scene.model.string.law
         self._way = Way(begin, here, finger.displacement_m, finger.draw_s)
         self._stiffness, self._resistance = finger.stiffness_n_m, finger.resistance_n_s_m
 
@@ -164,8 +163,7 @@ class _Hold:
         self._stiffness, self._resistance = LEAST_STIFFNESS, 0.0
 
     def row(self, model: driver.Model, start: int, stop: int) -> Finger:
-        coupling = np.zeros(model.eta.size)
-        own = finger_row(model.law, model.part_coef, model.shapes, self.weights, coupling)
+        coupling, own = model.finger_row(self.weights)
         path = self._way.path(start, stop - start, self._dt, model.parts)
         return Finger(self.weights, coupling, own, self._stiffness, self._resistance, path, self.state)
 
