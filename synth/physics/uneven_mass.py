@@ -34,8 +34,8 @@ def frequency_factors(length_m: float, scatter: float, seed: int, n: int) -> np.
 
     That of the first is 1, as a string is tuned by it: what its mass does to the first mode alone, the tuning undoes.
     """
-    chance, pieces = random.Random(seed), math.ceil(length_m / PIECE_M)
-    uneven = scatter * np.array([normal(chance) for _ in range(pieces)])
+    pieces = math.ceil(length_m / PIECE_M)
+    uneven = scatter * _deviations(seed, 1 << pieces.bit_length())[:pieces]
     ends = np.minimum(PIECE_M * np.arange(pieces + 1), length_m) / length_m
     factors = np.ones(n)
     mode = np.arange(2, n + 1)
@@ -43,3 +43,10 @@ def frequency_factors(length_m: float, scatter: float, seed: int, n: int) -> np.
     factors[1:] += 0.25 * cosines
     factors.flags.writeable = False
     return factors
+
+
+@lru_cache(maxsize=64)
+def _deviations(seed: int, pieces: int) -> np.ndarray:
+    """(pieces,) ε of the first pieces of a string, in standard deviations."""
+    chance = random.Random(seed)
+    return np.array([normal(chance) for _ in range(pieces)])
