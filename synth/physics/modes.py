@@ -35,9 +35,13 @@ def nut_mobility(string: String, omega: np.ndarray | float) -> np.ndarray:
     omega = np.asarray(omega, dtype=np.float64)
     if not string.nut:
         return np.zeros(omega.shape, dtype=np.complex128)
-    omega_n, mass, q = string.nut_rows.reshape(3, -1, *(1,) * omega.ndim)
-    each = 1j * omega / (mass * (omega_n**2 - omega**2 + 1j * omega * omega_n / q))
-    return np.add.accumulate(each)[-1]  # one after the other, whatever the shape
+    omega_n, mass, q = string.nut_rows
+    omega = omega[..., None]  # sums along the last axis are the same, whatever the shape
+    elastic, lossy = omega_n**2 - omega**2, omega * (omega_n / q)
+    share = omega / (mass * (elastic * elastic + lossy * lossy))
+    mobility = np.empty(omega.shape[:-1], dtype=np.complex128)
+    mobility.real, mobility.imag = (share * lossy).sum(axis=-1), (share * elastic).sum(axis=-1)
+    return mobility
 
 
 def model_frequencies(string: String, n: int) -> np.ndarray:
