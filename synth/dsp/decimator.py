@@ -20,6 +20,8 @@ The streaming kernel gives bitwise the same samples however the stream is cut in
 output nor their order depend on where it stands.
 """
 
+from functools import lru_cache
+
 import numpy as np
 from numba import float64, int64, njit
 from numpy.typing import NDArray
@@ -83,10 +85,16 @@ def design(rate_hz: float, factor: int) -> NDArray[np.float64]:
 
 def response(rate_hz: float, factor: int, frequency_hz: NDArray[np.float64]) -> NDArray[np.float64]:
     """Gain of :func:`design` at frequencies (N,) [Hz] at its input, delay taken out; raises ValueError as it does."""
-    taps = design(rate_hz, factor)
-    half = taps.size // 2
+    middle, *later = _middle_and_later(rate_hz, factor)
     angle = 2.0 * np.pi * np.asarray(frequency_hz) / (factor * rate_hz)
-    return taps[half] + 2.0 * np.cos(np.outer(angle, np.arange(1, half + 1))) @ taps[half + 1 :]
+    return middle + 2.0 * np.cos(np.outer(angle, np.arange(1, len(later) + 1))) @ np.array(later)
+
+
+@lru_cache(maxsize=16)
+def _middle_and_later(rate_hz: float, factor: int) -> list[float]:
+    """The middle tap of :func:`design`, and those that follow it."""
+    taps = design(rate_hz, factor)
+    return taps[taps.size // 2 :].tolist()
 
 
 def new_history(factor: int) -> NDArray[np.float64]:

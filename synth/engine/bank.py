@@ -48,6 +48,7 @@ from synth.physics.pressed_modes import PressedModes, pressed_modes
 from synth.solver.certificates import CERTIFY_FROM
 from synth.solver.contact_laws import step_of
 from synth.solver.coupling import most_of_contacts
+from synth.solver.lanes import padded
 from synth.solver.laws import EXACT_HOLD, coefficients, law_of
 from synth.solver.layers import static_forces, static_matrix
 from synth.solver.lcp import SOLVED
@@ -357,7 +358,8 @@ class _Lists:
         """The model in flight: of the modes that are heard, a frame at a time, without contacts."""
         frame, mu = 1.0 / self.rate_hz, position.mu
         omega, sigma = position.omega[:audible], position.sigma[:audible]
-        weights = model.weights * response(self.rate_hz, factor, model.omega / (2.0 * math.pi))
+        heard = padded(audible)
+        weights = model.weights[:, :heard] * response(self.rate_hz, factor, model.omega[:heard] / (2.0 * math.pi))
         coef = coefficients(EXACT_HOLD, omega, sigma, mu, frame)
         return make_string(
             EXACT_HOLD,

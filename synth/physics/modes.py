@@ -7,6 +7,7 @@ ones often are.
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +21,8 @@ _DIFFERENCE_FROM = 1.0
 _FARTHEST = 100.0
 #: products of pairs and nodes that are made at once
 _AT_ONCE = 1 << 21
+#: modes whose frequencies are computed in one go: a multiple of these
+_MODES_AT_ONCE = 256
 
 
 def base_frequencies(string: String, n: int) -> np.ndarray:
@@ -32,9 +35,13 @@ def nut_mobility(string: String, omega: np.ndarray | float) -> np.ndarray:
     omega = np.asarray(omega, dtype=np.float64)
     if not string.nut:
         return np.zeros(omega.shape, dtype=np.complex128)
-    omega_n, mass, q = string.nut_rows.reshape(3, -1, *(1,) * omega.ndim)
-    each = 1j * omega / (mass * (omega_n**2 - omega**2 + 1j * omega * omega_n / q))
-    return np.add.accumulate(each)[-1]  # one after the other, whatever the shape
+    omega_n, mass, q = string.nut_rows
+    omega = omega[..., None]  # sums along the last axis are the same, whatever the shape
+    elastic, lossy = omega_n**2 - omega**2, omega * (omega_n / q)
+    share = omega / (mass * (elastic * elastic + lossy * lossy))
+    mobility = np.empty(omega.shape[:-1], dtype=np.complex128)
+    mobility.real, mobility.imag = (share * lossy).sum(axis=-1), (share * elastic).sum(axis=-1)
+    return mobility
 
 
 def model_frequencies(string: String, n: int) -> np.ndarray:
@@ -45,19 +52,33 @@ def model_frequencies(string: String, n: int) -> np.ndarray:
     higher. Raises ValueError where the mobility is so great that a frequency would not be positive.
     """
     j = _mode_numbers(n)
-    omega_0 = 2.0 * math.pi * string.fundamental_hz * j
-    mobility = nut_mobility(string, omega_0)
-    end_correction = -string.impedance_kg_s / (math.pi * j) * mobility.imag  # μc = √(Tμ)
-    bracket = _stiffness_factor(string, n) + end_correction
-    if string.mass_scatter > 0.0 and n > 1:
-        bracket = bracket * frequency_factors(string.length_m, string.mass_scatter, string.seed, int(n))
-    if not np.all(bracket > 0.0):
-        mode = int(np.argmin(bracket)) + 1
+    if n <= 1:
+        factors = _frequency_factors(string, int(n))
+    else:
+        factors = _kept_factors(string, _MODES_AT_ONCE * -(-int(n) // _MODES_AT_ONCE))[: int(n)]
+    if not np.all(factors > 0.0):
+        mode = int(np.argmin(factors)) + 1
         raise ValueError(
-            f"nut mobility must leave mode {mode} a positive frequency, got a factor {bracket[mode - 1]:.3g}; "
+            f"nut mobility must leave mode {mode} a positive frequency, got a factor {factors[mode - 1]:.3g}; "
             "raise mass_kg of the nut resonances"
         )
-    return omega_0 * bracket
+    return 2.0 * math.pi * string.fundamental_hz * j * factors
+
+
+def _frequency_factors(string: String, n: int) -> np.ndarray:
+    """(n,) frequencies over those of an ideal string on rigid ends, the same whatever n: `model_frequencies`."""
+    j = _mode_numbers(n)
+    mobility = nut_mobility(string, 2.0 * math.pi * string.fundamental_hz * j)
+    end_correction = -string.impedance_kg_s / (math.pi * j) * mobility.imag  # μc = √(Tμ)
+    factors = _stiffness_factor(string, n) + end_correction
+    if string.mass_scatter > 0.0 and n > 1:
+        factors = factors * frequency_factors(string.length_m, string.mass_scatter, string.seed, n)
+    factors.flags.writeable = False
+    return factors
+
+
+# a string that is planned and compiled is asked for several numbers of modes
+_kept_factors = lru_cache(maxsize=4)(_frequency_factors)
 
 
 def model_decay_rates(string: String, n: int) -> np.ndarray:
@@ -96,7 +117,7 @@ def count_modes_below(string: String, frequency_hz: float) -> int:
     if not (frequency_hz >= 0.0 and math.isfinite(frequency_hz)):
         raise ValueError(f"frequency_hz must be >= 0 Hz and finite, got {frequency_hz}")
     limit = 2.0 * math.pi * frequency_hz
-    n = 16
+    n = _MODES_AT_ONCE
     while True:
         reached = modal_frequencies(string, n) >= limit
         if reached.any():

@@ -10,7 +10,7 @@ describes; frequencies, decay rates and shapes are computed in `modes`.
 import copy
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal, Self
 
@@ -137,7 +137,7 @@ class String(StringLosses):
     stiffness_law: StiffnessLaw = "sqrt"
     mass_scatter: float = 0.0
     seed: int = 0
-    nut: tuple[NutResonance, ...] = ()
+    nut: tuple[NutResonance, ...] = field(default=(), hash=False)  # dozens; strings that differ in nothing else are few
     measured_frequencies_hz: tuple[float, ...] = ()
     measured_decay_rates: tuple[float, ...] = ()
 

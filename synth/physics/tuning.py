@@ -7,6 +7,9 @@ from functools import lru_cache
 from synth.physics.modes import model_frequencies
 from synth.physics.string import String, require_within
 
+#: parts of a pitch or tension that are nothing but rounding
+_ROUNDING = 1e-15
+
 
 def tuned(string: String, frequency_hz: float) -> String:
     """The same string at the tension that puts its first mode ν_1 at frequency_hz [Hz].
@@ -45,26 +48,26 @@ def _rigid_nut_tension(string: String, frequency_hz: float) -> float:
 # kept, as a preset's strings are tuned when it is checked and again when it is compiled; a String is small
 @lru_cache(maxsize=4096)
 def _mobile_nut_tension(string: String, frequency_hz: float, start_n: float) -> float:
-    """Bisection on log T, from a bracket that grows around start_n until it holds a root."""
+    """Regula falsi on log T (Illinois), in a bracket that grows around start_n until it holds a root."""
     target = 2.0 * math.pi * frequency_hz
 
-    def is_sharp(log_ratio: float) -> bool:
+    def sharp_by(log_ratio: float) -> float:
         tighter = string.with_tension(start_n * math.exp(log_ratio))
-        return bool(model_frequencies(tighter, 1)[0] > target)
+        return math.log(model_frequencies(tighter, 1)[0] / target)
 
-    sharp = is_sharp(0.0)
-    near, far = 0.0, -1e-6 if sharp else 1e-6
-    while is_sharp(far) == sharp:
-        near, far = far, 2.0 * far
+    near, sharp_near = 0.0, sharp_by(0.0)
+    far = math.copysign(1e-6, -sharp_near)
+    while (sharp_far := sharp_by(far)) * sharp_near > 0.0:
+        near, sharp_near, far = far, sharp_far, 2.0 * far
         if abs(far) > 1.5:
             raise ValueError(
                 f"frequency_hz must be within reach of this nut, got {frequency_hz:g} Hz, "
                 f"which no tension near {start_n:g} N gives; "
                 "raise the mass_kg of the nut resonance nearest to it"
             )
-    while abs(far - near) > 1e-15:
-        middle = 0.5 * (near + far)
-        if middle in (near, far):
-            break
-        near, far = (middle, far) if is_sharp(middle) == sharp else (near, middle)
-    return start_n * math.exp(0.5 * (near + far))
+    while abs(sharp_far) > _ROUNDING and abs(far - near) > _ROUNDING:
+        root = far - sharp_far * (far - near) / (sharp_far - sharp_near)
+        sharp_root = sharp_by(root)
+        near, sharp_near = (far, sharp_far) if sharp_root * sharp_far < 0.0 else (near, 0.5 * sharp_near)
+        far, sharp_far = root, sharp_root
+    return start_n * math.exp(far)

@@ -62,6 +62,14 @@ def test_measured_first_then_the_model(guitar):
     assert np.array_equal(modes.modal_frequencies(measured, 2), omega[:2])
 
 
+def test_modes_are_the_same_however_many_are_asked_for():
+    string = ideal(nut=(*NUT, NutResonance(410.0, 30.0, 0.4)), mass_scatter=0.02, seed=4, viscoelastic_loss=0.01)
+    omega, sigma = modes.model_frequencies(string, 1300), modes.model_decay_rates(string, 1300)
+    for n in (0, 1, 2, 15, 16, 255, 256, 257, 1024, 1299):
+        assert np.array_equal(modes.model_frequencies(string, n), omega[:n])
+        assert np.array_equal(modes.model_decay_rates(string, n), sigma[:n])
+
+
 # Nut mobility
 
 

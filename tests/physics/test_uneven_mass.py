@@ -2,6 +2,7 @@
 
 import random
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -32,8 +33,21 @@ def test_partials_are_as_far_off_as_asked() -> None:
 def test_the_same_string_is_the_same() -> None:
     one, again, other = (frequency_factors(LENGTH_M, 0.02, seed, 12) for seed in (3, 3, 4))
     assert np.array_equal(one, again) and not np.array_equal(one, other)
-    assert np.array_equal(frequency_factors(LENGTH_M, 0.02, 3, 40)[:12], one)
+    for more in (40, 1023, 1024, 1025, 3000):
+        assert np.array_equal(frequency_factors(LENGTH_M, 0.02, 3, more)[:12], one)
     assert np.array_equal(frequency_factors(LENGTH_M, 0.0, 3, 12), np.ones(12))
+
+
+def test_factors_are_the_cosines_over_the_pieces() -> None:
+    """Term by term, also of the part of a piece at the end, beyond a thousand modes, and of a string of one piece."""
+    for length_m, scatter, n in ((0.6513, 0.02, 2100), (0.004, 0.1, 3), (0.01, 0.1, 5)):
+        chance, places = random.Random(5), [*np.arange(0.0, length_m, PIECE_M), length_m]
+        mode = np.arange(2, n + 1)
+        shift = np.zeros(n - 1)
+        for start, end in pairwise(places):
+            between = np.sin(2.0 * np.pi * mode * end / length_m) - np.sin(2.0 * np.pi * mode * start / length_m)
+            shift += 0.25 * scatter * normal(chance) * between / (np.pi * mode)
+        assert frequency_factors(length_m, scatter, 5, n)[1:] == pytest.approx(1.0 + shift, rel=1e-15, abs=0.0)
 
 
 def test_half_the_string_is_more_uneven_and_its_partials_go_on_being_off_alike() -> None:

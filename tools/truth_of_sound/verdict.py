@@ -42,10 +42,6 @@ class Verdict:
         """The recordings on which presets may be tuned."""
         return {name: notes for name, notes in self.recordings.items() if name in self.family.tuning}
 
-    def auc(self, preset: str) -> float:
-        """In the mean over all sets left out."""
-        return mean(self.against[preset])
-
     def distance(self, preset: str) -> float:
         """In the mean over the features."""
         return float(np.mean(list(distances(self.ours[preset], self.recordings).values())))
