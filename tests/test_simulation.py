@@ -449,7 +449,7 @@ def test_default_scheme_on_the_measured_modes():
     case = measured_case("tanpura", internal_rate_hz=2_116_800, output_rate_hz=44_100, duration_s=3.0)
     reference = simulate(case, residual_compliance=False).u
     for rate in (44_100, 88_200):
-        modes = int(np.searchsorted(Scene(Case.model_validate(case), Path()).model.omega, np.pi * rate))
+        modes = int(np.searchsorted(Scene(Case.model_validate(case), Path()).model.modes.omega, np.pi * rate))
         result = simulate(case, internal_rate_hz=rate, modes=modes)
         assert relative_error(result.u, reference) < 0.1
 

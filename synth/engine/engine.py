@@ -403,7 +403,7 @@ class Engine(Uncopied):
         return table(bank, *changing, self._shared, self._span, self._core_settings, self._effects)
 
     def _place_voices(self) -> None:
-        """The voice policy's table, which leads to the core's; and where that is."""
+        """Make the voice policy's table, which leads to the core's, and note where the core's and the thread's are."""
         self._addresses = self._core.ctypes.data, self._thread_table.ctypes.data
         seen = voices_for(self._prepared(), self._sounding, self._core_settings, *self._addresses)
         self._voices = table(seen, self._state)

@@ -124,7 +124,7 @@ def advance_frames(coupling: int, scratch: int, frames: int, stretch: int, out) 
 
 @njit(**INNER)
 def _begin_stretch(coupling: int, number: int) -> None:
-    """Take over what the bridge is held by in a stretch of a call; which contacts are out of reach is asked anew."""
+    """Take over the force that holds the bridge in this stretch of a call; which contacts are out of reach is asked anew."""
     c = coupling_at(coupling)
     if number > 0:
         put(c.held[0], c.held[number])

@@ -250,13 +250,13 @@ def one_by_one(model: int, state: int, scratch: int, begin: int, at: int, steps:
 
 @njit(inline="always")
 def has_answer(m) -> bool:
-    """Whether something else than the contact problem answers in a step: layers of a model, or a law of another module."""
+    """Whether layers, or a law of another module, give the forces of a step in the place of the contact problem."""
     return m.step != 0 or m.layers.shape[1] != 0
 
 
 @njit(**INNER)
 def _answer(model: int, state: int, scratch: int) -> int:
-    """It answers (`contact_laws.ContactLaw.answer`). A status."""
+    """Find the forces of a step by layers or a law of another module (`contact_laws.ContactLaw.answer`): a status."""
     m = string_model(model)
     if m.layers.shape[1] > 0:
         return answer_with_layers(model, state, scratch)
