@@ -185,7 +185,7 @@ def test_float32_drift_is_what_its_coefficients_say() -> None:
     plucked = kernels.string(Setting(HOLD, 50, 1))
     cents, decay = float32.misfit(plucked)
     assert np.abs(cents[:20]).max() < 1e-3 and float32.drift(plucked, 3.0) < 1e-3
-    assert np.abs(decay).max() < 2.0**-22 / (8 * plucked.model.dt)
+    assert np.abs(decay).max() < 2.0**-22 / (8 * plucked.model.string.dt)
     assert np.abs(float32.two_step_misfit(plucked)[0]) > 0.01
 
 

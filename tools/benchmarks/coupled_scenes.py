@@ -191,6 +191,6 @@ def plain_of(player: scenes.Player) -> PlainInstrument:
     for k, s in enumerate(strings.bridges.strings):
         state, n = strings.states.items[s], plain.modes[k]
         plain.q[k, :n], plain.v[k, :n] = state.q[:n], state.v[:n]
-    plain.p[:], plain.p_speed[:], plain.held[:] = coupling.p[:modes], coupling.p_speed[:modes], coupling.held
+    plain.p[:], plain.p_speed[:], plain.held[:] = coupling.p[:modes], coupling.p_speed[:modes], coupling.held[0]
     plain.speed[:], plain.rest[:] = coupling.speed, coupling.rest
     return plain
