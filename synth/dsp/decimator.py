@@ -85,16 +85,18 @@ def design(rate_hz: float, factor: int) -> NDArray[np.float64]:
 
 def response(rate_hz: float, factor: int, frequency_hz: NDArray[np.float64]) -> NDArray[np.float64]:
     """Gain of :func:`design` at frequencies (N,) [Hz] at its input, delay taken out; raises ValueError as it does."""
-    middle, *later = _middle_and_later(rate_hz, factor)
+    taps = _kept_taps(rate_hz, factor)
+    half = taps.size // 2
     angle = 2.0 * np.pi * np.asarray(frequency_hz) / (factor * rate_hz)
-    return middle + 2.0 * np.cos(np.outer(angle, np.arange(1, len(later) + 1))) @ np.array(later)
+    return taps[half] + 2.0 * np.cos(np.outer(angle, np.arange(1, half + 1))) @ taps[half + 1 :]
 
 
 @lru_cache(maxsize=16)
-def _middle_and_later(rate_hz: float, factor: int) -> list[float]:
-    """The middle tap of :func:`design`, and those that follow it."""
+def _kept_taps(rate_hz: float, factor: int) -> NDArray[np.float64]:
+    """:func:`design`, read-only: every string of a preset is asked for its gain."""
     taps = design(rate_hz, factor)
-    return taps[taps.size // 2 :].tolist()
+    taps.flags.writeable = False
+    return taps
 
 
 def new_history(factor: int) -> NDArray[np.float64]:

@@ -98,8 +98,8 @@ def begin_quantum(core: int, thread: int, s: int, k: int) -> None:
 def unchanged_quanta(core: int, thread: int, s: int, k: int) -> int:
     """Quanta of the span from k on that an awake string goes through as one stretch: behind the first one there is nothing
     to decide and no control to follow, and the arrays of a thread have room for them. `begin_quantum` has been for k."""
-    shared, hand, motion, fixed = shared_of(core), hand_of(core, s), motion_of(core, s), bank_of(core).strings[s]
-    if hand.phase != NO_FINGER or fixed.second >= 0 or fixed.of_first or fixed.axial_stiffness > 0.0:
+    shared, motion, fixed = shared_of(core), motion_of(core, s), bank_of(core).strings[s]
+    if fixed.second >= 0 or fixed.of_first:
         return 1
     if not motion.flying and (motion.stale or not presses(model_address(core, s), shared.string_at[s])):
         return 1
@@ -114,8 +114,10 @@ def unchanged_quanta(core: int, thread: int, s: int, k: int) -> int:
 
 @njit(**CORE)
 def goes_on(core: int, s: int, k: int) -> bool:
-    """Whether `begin_quantum` of quantum k would change nothing about a string in one direction that no finger is at."""
+    """Whether `begin_quantum` of quantum k would change nothing about a string in one direction, and no finger is at it."""
     shared, span, state = shared_of(core), span_of(core), state_of(core)
+    if hand_of(core, s).phase != NO_FINGER or bank_of(core).strings[s].axial_stiffness > 0.0:
+        return False
     if (shared.task[FIRST_QUANTUM] + k) % CHECK_EVERY == 0 or not is_settled(core, s):
         return False
     voice, expression = voice_of(core, s), expression_of(core, s)

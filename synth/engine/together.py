@@ -114,12 +114,12 @@ def _goes_on(core: int, i: int, k: int) -> bool:
     what forces are counted from, and no hand is at it."""
     bank = bank_of(core)
     for s in range(bank.instruments[i].first_string, bank.instruments[i].end_string):
-        hand, counts, fixed = hand_of(core, s), end_at(shared_of(core).end_at[s]).counts, bank.strings[s]
-        if hand.phase != NO_FINGER or knock_of(core, s).steps != 0 or motion_of(core, s).stale:
+        hand, counts = hand_of(core, s), end_at(shared_of(core).end_at[s]).counts
+        if not goes_on(core, s, k) or knock_of(core, s).steps != 0 or motion_of(core, s).stale:
             return False
         if counts[BY_FRAMES] or (counts[ENGAGED] and bank.models[hand.model].contacts == 0):
-            return False
-        if fixed.friction > 0.0 or fixed.axial_stiffness > 0.0 or not goes_on(core, s, k):
+            return False  # a finger has just left it, or its first direction
+        if bank.strings[s].friction > 0.0:
             return False
     return True
 

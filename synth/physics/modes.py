@@ -52,7 +52,7 @@ def model_frequencies(string: String, n: int) -> np.ndarray:
     higher. Raises ValueError where the mobility is so great that a frequency would not be positive.
     """
     j = _mode_numbers(n)
-    if n <= 1:
+    if n <= 1:  # asked for at tension after tension, as a string is tuned
         factors = _frequency_factors(string, int(n))
     else:
         factors = _kept_factors(string, _MODES_AT_ONCE * -(-int(n) // _MODES_AT_ONCE))[: int(n)]
@@ -117,7 +117,7 @@ def count_modes_below(string: String, frequency_hz: float) -> int:
     if not (frequency_hz >= 0.0 and math.isfinite(frequency_hz)):
         raise ValueError(f"frequency_hz must be >= 0 Hz and finite, got {frequency_hz}")
     limit = 2.0 * math.pi * frequency_hz
-    n = _MODES_AT_ONCE
+    n = 16
     while True:
         reached = modal_frequencies(string, n) >= limit
         if reached.any():

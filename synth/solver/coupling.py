@@ -165,7 +165,7 @@ class End(NamedTuple):
     few: Annotated[np.ndarray, f8("SETS, FEW*FEW")]  # of each set of contacts, by columns
     sides: Annotated[np.ndarray, f8("4, FEW")]
     drew: Annotated[np.ndarray, f8("BLOCK")]  # pull after the forces of one step, at the ends of its and later frames
-    kicks: Annotated[np.ndarray, f8("BLOCK")]
+    kicks: Annotated[np.ndarray, f8("BLOCK")]  # of the end, by steps while it is looked at; once a block is over, by frames
     pushed: Annotated[np.ndarray, f8("2")]  # Σ |p| of the finger over a block, Σ λ of the contacts
     near: Annotated[np.ndarray, i8("contacts")]
     matrix: Annotated[np.ndarray, f8("contacts*contacts")]  # of the contacts looked at, the finger taken out

@@ -112,7 +112,8 @@ def _stirred(e) -> tuple[bool, bool]:
 @njit(cache=True, nogil=True)
 def lasts(coupling: int, line: int, frames: int) -> bool:
     """Whether all contacts of a line that were not looked at in the last `frames` frames have some clearance left after what
-    bridge and finger have done; LATELY and LATELY_RISEN are the bridge's part. Forces of contacts end every certificate."""
+    bridge and finger have done; LATELY and LATELY_RISEN are the bridge's part, from End.kicks by frames. Forces of contacts
+    end every certificate."""
     c = coupling_at(coupling)
     s, e = string_state(c.line_state[line]), end_at(c.line_end[line])
     pushed, pressed = _stirred(e)

@@ -5,7 +5,7 @@ import pytest
 
 from synth.engine import layout
 from synth.engine.engine import Engine
-from synth.instrument.preset import Preset, PresetError, parse_preset
+from synth.instrument.preset import Preset, PresetError, load_preset, parse_preset
 from synth.midi.events import BEND, CONTROL, KEY_PRESSURE, NOTE_OFF, NOTE_ON, PARAMETER, PRESSURE
 from synth.physics.body_modes import Body, BodyMode
 from synth.physics.coupled import CoupledStrings, Line
@@ -102,6 +102,18 @@ def test_neither_blocks_nor_threads_matter(instrument: Preset) -> None:
     assert np.array_equal(play(engine(instrument), rows, 7000, [int(size) for size in sizes]), once)
     assert np.array_equal(play(engine(instrument), rows, 7000, 1), once)
     assert np.array_equal(play(engine(instrument, NECK, threads=2), rows, 7000, 333), once)
+
+
+def test_a_finger_may_leave_anywhere_in_a_control_period() -> None:
+    """At the end of one, too, a string's second direction is free at once, while the pull of another note is not forgotten:
+    whether control periods go one by one or several at a time changes no bit."""
+    made = engine(load_preset("banjo"))
+    for offset in range(layout.QUANTUM):
+        rows, runs = [(0, NOTE_ON, 0, 50, 100), (3000 + offset, NOTE_ON, 0, 60, 100)], []
+        for blocks in (4096, layout.QUANTUM):
+            made.reset()
+            runs.append(play(made, rows, 5500, blocks))
+        assert np.array_equal(*runs), offset
 
 
 @pytest.mark.parametrize("instrument", ALL, ids=lambda each: each.name)

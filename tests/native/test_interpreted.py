@@ -160,3 +160,22 @@ def test_a_sequence_is_its_plain_function(lifted: float) -> None:
     for got, want in zip((forces, pushes[0], true[0], pushes[1], true[1], both), expected, strict=True):
         assert np.abs(got - want).max() < 1e-12
     assert (forces > 0.0).any() or lifted < 0.0
+
+
+@pytest.mark.parametrize("late", [0, 3, BLOCK - 1])
+def test_late_forces_are_added_as_by_their_plain_functions(late: int) -> None:
+    rng = np.random.default_rng(6)
+    responses = [np.concatenate([np.zeros(BLOCK), rng.normal(size=BLOCK)]) for _ in range(3)]
+
+    @njit
+    def compiled(one, three, first, second, third, late, x, y, z):
+        lanes.add_late(one, second, late, y)
+        lanes.add_late_of_three(three, first, second, third, late, (x, y, z))
+
+    got, forces = rng.normal(size=(2, BLOCK)), tuple(rng.normal(size=3).tolist())
+    want = got.copy()
+    compiled(*got, *responses, late, *forces)
+    plain_lanes.add_late(want[0], responses[1], late, forces[1])
+    plain_lanes.add_late_of_three(want[1], *responses, late, forces)
+    np.testing.assert_allclose(got, want, atol=1e-14)
+    assert (got[:, :late] == want[:, :late]).all()
