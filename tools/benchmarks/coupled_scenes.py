@@ -124,11 +124,11 @@ def rows_of_sixty(presets: list[Preset]) -> list[tuple]:
     return rows
 
 
-def sixty(seconds: float = SIXTY_S) -> scenes.Player:
+def sixty(seconds: float = SIXTY_S, threads: int = 1) -> scenes.Player:
     """Sixty strings on nine bridges, `seconds` after the last stroke."""
     presets = [load_preset(name) for name in SIXTY]
     rows = rows_of_sixty(presets)
-    return _player(presets, rows, rows[-1][0] / scenes.RATE_HZ + seconds)
+    return _player(presets, rows, rows[-1][0] / scenes.RATE_HZ + seconds, threads=threads)
 
 
 def difference(player: scenes.Player, plain: PlainInstrument) -> float:
@@ -150,9 +150,11 @@ def awake(player: scenes.Player) -> int:
     return int(np.count_nonzero((voices["awake"] != 0) & (strings["of_first"] == 0)))
 
 
-def _player(presets: list[Preset], rows: list[tuple], seconds: float, quality: str = "standard") -> scenes.Player:
+def _player(
+    presets: list[Preset], rows: list[tuple], seconds: float, quality: str = "standard", threads: int = 1
+) -> scenes.Player:
     notes = struck(rows, len(presets))
-    engine = scenes.engine_of(presets, quality, notes, limiter=False, every_fret=False)
+    engine = scenes.engine_of(presets, quality, notes, threads, limiter=False, every_fret=False)
     return scenes.Player(engine, make_events(sorted(rows, key=lambda row: row[0])), seconds)
 
 

@@ -101,10 +101,12 @@ _SIXTY = Line(
     "64 frames: median; worst, share of its time",
     ("sixty/median", "sixty/worst"),
 )
+_SIXTY_BY_TWO = Line("the same, 2 cores, by the wall clock", ("sixty/2/median", "sixty/2/worst"))
 TARGETS = (
     *_COUPLED,
     _STRUMMED,
     _SIXTY,
+    _SIXTY_BY_TWO,
     Line("vibrato, cost over that of the plain note, the worst of all presets", ("gesture/vibrato/",), "×", worst=True),
     Line("a bend wheel that moves all the time, likewise", ("gesture/bend/",), "×", worst=True),
     _TANPURA,

@@ -43,19 +43,23 @@ def test_strummed(race: Race, preset: str, short: bool) -> None:
     _against_time(race, coupled_scenes.strummed(preset), LIVE_BLOCK, short, f"strummed/{preset}", what)
 
 
-def test_sixty_strings(benchmark: Any, short: bool) -> None:
-    """Processor time of blocks of 64 frames, from the first stroke on."""
-    player = coupled_scenes.sixty()
+@pytest.mark.parametrize("threads", [1, 2])
+def test_sixty_strings(benchmark: Any, threads: int, short: bool, all_cores: Any) -> None:
+    """Blocks of 64 frames, from the first stroke on: processor time of one thread, wall-clock time of two."""
+    if threads > 1:
+        all_cores()
+    player = coupled_scenes.sixty(threads=threads)
     own = LIVE_BLOCK / scenes.RATE_HZ
-    rounds = block_rounds(benchmark, player, LIVE_BLOCK, short, time.thread_time)
+    rounds = block_rounds(benchmark, player, LIVE_BLOCK, short, time.thread_time if threads == 1 else time.perf_counter)
     assert coupled_scenes.awake(player) == SIXTY_STRINGS
     found = block_times(rounds, own)
+    key = "sixty" if threads == 1 else f"sixty/{threads}"
     what = f"{SIXTY_STRINGS} coupled strings on {len(SIXTY)} bridges, all but 13 tarafs struck, blocks of {LIVE_BLOCK}"
     reached = real_time(player.seconds, [sum(times) for times in rounds])
     rows = [
-        row("sixty", what, "× real time", *reached),
-        row("sixty/median", "their median block", "of its time", found["median"], None),
-        row("sixty/worst", "their worst block", "of its time", found["worst"], None),
+        row(key, what if threads == 1 else f"the same, {threads} threads, wall clock", "× real time", *reached),
+        row(f"{key}/median", "their median block", "of its time", found["median"], None),
+        row(f"{key}/worst", "their worst block", "of its time", found["worst"], None),
     ]
     noted(benchmark, "targets", rows=rows, **found, **scenes.vectors_of(player.engine))
 
