@@ -110,6 +110,12 @@ def _emit_advance(code: Code, at, j, x, y):
     ]
 
 
+#: doubles in a vector up to which there are 16 registers, and a loop goes along one chain of steps
+_ONE_CHAIN_UP_TO = 4
+#: how many arguments say what forces a pass has
+_FORCES = {"": 0, "coast": 0, "drive": 2, "drive listed": 4, "drive listed and one": 6}
+
+
 def _emit_pass(code: Code, motion: str, kinds: str) -> None:
     """One pass over the modes: K steps forward ("coast", "drive …" or ""), then a look at the K steps after.
 
@@ -128,9 +134,8 @@ def _emit_pass(code: Code, motion: str, kinds: str) -> None:
     base, length = code.data(1), code.row_length(1)
     at = code.rows(base, length, range(ROWS))
     at_q, at_v = code.data(2), code.data(3)
-    place = 4 + {"": 0, "coast": 0, "drive": 2, "drive listed": 4, "drive listed and one": 6}[motion]
-    kicks_at = place
-    place += 2 if kicked else 0
+    kicks_at = 4 + _FORCES[motion]
+    place = kicks_at + (2 if kicked else 0)
     at_w = [code.data(place + p) for p in range(len(kinds))]
     at_out = [code.data(place + len(kinds) + p) for p in range(len(kinds))]
 
@@ -212,6 +217,26 @@ def _emit_pass(code: Code, motion: str, kinds: str) -> None:
             code.store_doubles(code.fold(result[first : first + code.doubles]), out, ir.Constant(INT, first))
 
 
+def _loops(motion: str, kinds: str, doubles: int) -> list[tuple[str, str, list[int]]]:
+    """The loops over the modes that a pass is made of: motion, kinds, and which of its arguments, of each.
+
+    With vectors of 512 bits it is one loop. Else forces act in a loop of their own, and displacements and velocities are
+    looked at in one each: 16 registers hold the sums of one chain of steps, and a processor looks ahead over the chains of
+    several modes only where they are short. All loops together do the same as one to the bit.
+    """
+    steps = motion.removesuffix(" kicked")
+    first = 4 + _FORCES[steps] + (2 if steps != motion else 0)
+    own, behind = list(range(first)), first + len(kinds)
+    if doubles > _ONE_CHAIN_UP_TO or not kinds:
+        return [(motion, kinds, list(range(behind + len(kinds))))]
+    made = [(motion, "", own)] if first > 4 else []
+    for kind in dict.fromkeys(kinds):
+        places = [p for p in range(len(kinds)) if kinds[p] == kind]
+        looks = [first + p for p in places] + [behind + p for p in places]
+        made.append(("" if made else motion, kind * len(places), [0, 1, 2, 3, *looks]))
+    return made
+
+
 def one_kind_of_pass(motion: str, kinds: str, doubles: int = LANES, narrow_up_to: int = NARROW_UP_TO):
     """The intrinsic of one kind of pass; see `_emit_pass`. n is a multiple of `PAD`, at least that; where modes are float32,
     of `SINGLE_PAD`. doubles: in a vector; half as many where n is at most `narrow_up_to`."""
@@ -223,19 +248,24 @@ def one_kind_of_pass(motion: str, kinds: str, doubles: int = LANES, narrow_up_to
             given = tuple(iter(rest[0]))  # type: ignore[call-overload]
 
         def emit(context, builder, signature, args):
-            packed = cgutils.unpack_tuple(builder, args[1], len(given))
-            flat = types.void(signature.args[0], *signature.args[1])
+            packed = [args[0], *cgutils.unpack_tuple(builder, args[1], len(given))]
             single = given[1].dtype == types.float32
-            flat_args = [args[0], *packed]
+
+            def emit_all(width: int) -> None:
+                for its_motion, its_kinds, places in _loops(motion, kinds, width):
+                    its_types = types.void(*((signature.args[0], *signature.args[1])[i] for i in places))
+                    code = Code(context, builder, its_types, [packed[i] for i in places], single, width)
+                    _emit_pass(code, its_motion, its_kinds)
+
             if narrow_up_to:
                 short = builder.icmp_signed("<=", args[0], ir.Constant(INT, narrow_up_to))
                 with builder.if_else(short) as (then, otherwise):
                     with then:
-                        _emit_pass(Code(context, builder, flat, flat_args, single, doubles // 2), motion, kinds)
+                        emit_all(doubles // 2)
                     with otherwise:
-                        _emit_pass(Code(context, builder, flat, flat_args, single, doubles), motion, kinds)
+                        emit_all(doubles)
             else:
-                _emit_pass(Code(context, builder, flat, flat_args, single, doubles), motion, kinds)
+                emit_all(doubles)
             return context.get_dummy_value()
 
         return types.void(types.int64, types.StarArgTuple.from_types(given)), emit
