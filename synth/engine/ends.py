@@ -113,7 +113,7 @@ def refresh_end(core: int, thread: int, s: int, model_too: bool) -> bool:
     certain = False
     if model_too:
         certain = _refresh_apart(core, s)
-        fill_apart(shared.end_at[s], scratch.q, scratch.v, scratch.spare)
+        fill_apart(shared.end_at[s], scratch.modes.q, scratch.modes.v, scratch.rows.spare)
         end.counts[DUE] = ALL_DUE if motion.altered else TABLES_DUE
     return certain
 

@@ -168,16 +168,16 @@ def _falls_asleep(core: int, thread: int, i: int) -> bool:
         voice, hand, motion, string = voice_of(core, s), hand_of(core, s), motion_of(core, s), string_of(core, s)
         plain = string_model(shared_of(core).model_at[hand.model, PLAIN])
         n = min(plain.modes, string.counts[MOVING])
-        rest_state(core, thread, s, scratch.q)
+        rest_state(core, thread, s, scratch.modes.q)
         if motion.flying:
             plain = flight_of(core, s)
             n = plain.modes
-            scratch.q[:n] = 0.0
+            scratch.modes.q[:n] = 0.0
         end = end_at(shared_of(core).end_at[s])
         felt = end.counts[FELT_MODES]
-        voice.level = _level(plain.weights[0], plain.omega, string.q, string.v, scratch.q, 0, min(n, felt))
+        voice.level = _level(plain.weights[0], plain.omega, string.q, string.v, scratch.modes.q, 0, min(n, felt))
         if n > felt:
-            above = _level(plain.weights[0], plain.omega, string.q, string.v, scratch.q, felt, n)
+            above = _level(plain.weights[0], plain.omega, string.q, string.v, scratch.modes.q, felt, n)
             voice.level += above
             apart = end.counts[ENGAGED] == 0 and hand.phase == NO_FINGER and end.counts[REACH_OF] == hand.model + 1
             if above < REST_BELOW and apart and motion.lift == 0.0:

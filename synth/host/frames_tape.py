@@ -88,7 +88,7 @@ def taped_together(core: int, thread: int, i: int, _: int) -> None:
         played, line_end = string_of(core, s), end_at(shared.end_at[s])
         contacts = bank.models[hand_of(core, s).model].contacts
         if motion_of(core, s).flying:  # its force is not that of its last step
-            standing_motion(core, s, scratch_of(thread).q, scratch_of(thread).v)
+            standing_motion(core, s, scratch_of(thread).modes.q, scratch_of(thread).modes.v)
         for k in range(contacts):
             tape.running[0, k] = max(tape.running[0, k], played.force[k])
             tape.running[1, k] += played.force[k] * count * coupling.frame

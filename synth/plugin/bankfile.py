@@ -42,7 +42,7 @@ from synth.instrument.preset import Preset
 from synth.jit.entries import entered
 from synth.jit.kernel_sources import sources_id
 from synth.jit.prebuilt import name_of
-from synth.native.arrays import fields
+from synth.native.arrays import fields, values
 from synth.plugin import library, recipe
 from synth.plugin.addresses import CONSTANT, CORE, THREAD, TO_FUNCTION, Memory, pointers, word_of
 from synth.plugin.description import DescribedPreset, curve_of, describe
@@ -465,7 +465,7 @@ def add_engine(memory: Memory, inside: EngineMemory) -> tuple[int, int]:
     for array in (shared.queue, shared.team, *inside.span):
         memory.add(CORE, array, content=np.zeros_like(array))
     fresh = new_scratch(bank)
-    for array, content in zip(chain(*inside.scratch), chain(fresh, fresh), strict=True):
+    for array, content in zip(chain(*map(values, inside.scratch)), chain(values(fresh), values(fresh)), strict=True):
         memory.add(THREAD, array, content=content)
     return begin, end
 

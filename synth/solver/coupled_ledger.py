@@ -132,7 +132,7 @@ def weigh_frame(study: int) -> bool:
             held = 0.0
             if fingered:
                 for j in range(n):
-                    held += s.finger_weights[j] * q[j]
+                    held += s.grip.weights[j] * q[j]
             for k in range(contacts):
                 total = 0.0
                 for j in range(n):
@@ -170,7 +170,7 @@ def weigh_frame(study: int) -> bool:
                 if fingered:
                     push, total = e.forces[contacts, i], 0.0
                     for j in range(n):
-                        total += s.finger_weights[j] * q[j]
+                        total += s.grip.weights[j] * q[j]
                     moved = total - held
                     held = total
                     strings += push * moved
@@ -253,7 +253,7 @@ def _step(t, was, c, line: int, i: int, q, v) -> None:
         for k in range(contacts):
             f += m.shapes[k, j] * was.acting[first + k]
         if fingered:
-            f += s.finger_weights[j] * e.forces[contacts, i]
+            f += s.grip.weights[j] * e.forces[contacts, i]
         a = rows[P11, j] * q[j] + rows[P12, j] * v[j] + rows[4, j] * f
         v[j] = rows[P21, j] * q[j] + rows[P22, j] * v[j] + rows[5, j] * f
         q[j] = a

@@ -114,8 +114,8 @@ class CoupledLines:
         self._tables: list = [None] * len(lines)
         for k, line in enumerate(lines):
             self.coupling.line_state[k] = self._kept[k].ctypes.data
-            self.states[k].looked[:] = 1
-            self.states[k].renewed[:] = -1
+            self.states[k].certificates.looked[:] = 1
+            self.states[k].certificates.renewed[:] = -1
             self.set_line(k, line, gather=False)
             self.states[k].counts[MOVING] = line.omega.size
         coupling.gather_lines(self.address)
@@ -187,8 +187,8 @@ class CoupledLines:
     def hold(self, k: int, weights: np.ndarray, leverage: float, stiffness: float, resistance: float) -> float:
         """A finger takes hold of line k by weights (N,) where it now is; returns its displacement there, ξ b with it [m]."""
         state, n = self.states[k], weights.size
-        state.finger_weights[:] = 0.0
-        state.finger_weights[:n] = weights
+        state.grip.weights[:] = 0.0
+        state.grip.weights[:n] = weights
         self.ends[k].numbers[coupling.FINGER_LEVERAGE] = leverage
         here = float(weights @ state.q[:n]) + leverage * float(self.coupling.direction[k] @ self.coupling.beta)
         finger = state.finger[0]

@@ -130,10 +130,10 @@ def hold_forces(coupling: int, number: int, begin: int, v0, v, force) -> int:
                     if k == i and numbers[i] < 0:
                         total += 1.0 / _middle(m, e.near[_place(numbers[i])], c.frame)[0]
                 elif k < contacts:
-                    total += _sum_of(s.grip_contacts[e.near[_place(numbers[k])]], steps)
+                    total += _sum_of(s.grip.contacts[e.near[_place(numbers[k])]], steps)
                 else:
                     finger = s.finger[0]
-                    total += _sum_of(s.grip_own[0], steps)
+                    total += _sum_of(s.grip.own[0], steps)
                     total += finger_blend(EXACT_HOLD, c.frame, finger.stiffness, finger.resistance)[1]
             a[i, k] = a[k, i] = total
     for f in range(contacts, rows):

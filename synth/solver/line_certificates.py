@@ -53,7 +53,7 @@ def certify_line(coupling: int, line: int, scratch: int) -> int:
     c, w = coupling_at(coupling), scratch_of(scratch)
     m, s, e = string_model(c.line_model[line]), string_state(c.line_state[line]), end_at(c.line_end[line])
     height, n = along(c, line, c.beta), s.counts[MOVING]
-    extent, moved = w.moved[0, :n], w.moved[1, :n]
+    extent, moved = w.modes.moved[0, :n], w.modes.moved[1, :n]
     time = BLOCK * c.frame
     extents(m.omega[:n], s.q[:n], s.v[:n], extent)
     for j in range(n):
@@ -132,7 +132,7 @@ def lasts(coupling: int, line: int, frames: int) -> bool:
         return enough and not pressed and e.numbers[LEAST] > e.numbers[LATELY]
     for k in range(string_model(c.line_model[line]).shapes.shape[0]):
         if e.clearance[k] > 0.0:
-            enough = enough and e.clearance[k] > e.numbers[LATELY] + s.grip_far[k] * e.pushed[0]
+            enough = enough and e.clearance[k] > e.numbers[LATELY] + s.grip.far[k] * e.pushed[0]
     return enough and not pressed
 
 
@@ -152,7 +152,7 @@ def spend(coupling: int, line: int) -> None:
         least, clearance = _FAR_AWAY_M, e.clearance
         for k in range(string_model(c.line_model[line]).shapes.shape[0]):
             if clearance[k] > 0.0:
-                clearance[k] -= e.numbers[LATELY] + (s.grip_far[k] * e.pushed[0] if pushed else 0.0)
+                clearance[k] -= e.numbers[LATELY] + (s.grip.far[k] * e.pushed[0] if pushed else 0.0)
                 least = min(least, clearance[k])
         e.numbers[LEAST] = least
 
@@ -181,7 +181,7 @@ def runs_out(coupling: int, line: int, frames: int) -> bool:
         return False
     strength = _RESERVE * abs(s.finger[0].push) * (frames * c.steps[line])
     for k in range(string_model(c.line_model[line]).shapes.shape[0]):
-        if e.clearance[k] > 0.0 and e.clearance[k] < s.grip_far[k] * strength:
+        if e.clearance[k] > 0.0 and e.clearance[k] < s.grip.far[k] * strength:
             return True
     return False
 

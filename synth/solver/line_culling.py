@@ -76,21 +76,21 @@ def cull(coupling: int, line: int, scratch: int, steps: int) -> int:
     by_frames = e.counts[BY_FRAMES] != 0
     n, height, finger = moving_modes(m, e), along(c, line, c.beta), s.finger[0]
     dt = c.frame if by_frames else m.dt
-    whole, soon, omega, q, v = w.moved[0, :n], w.moved[1, :n], m.omega, s.q, s.v
+    whole, soon, omega, q, v = w.modes.moved[0, :n], w.modes.moved[1, :n], m.omega, s.q, s.v
     push = finger.push if finger.on else 0.0
     e.answer[FINGERS_PUSH] = push
     per_mass, time, brief = push / m.mu, steps * dt, min(steps, BLOCK) * dt
     for j in range(n):
         period = 1.0 / omega[j]
-        away, speed = q[j] - per_mass * s.finger_weights[j] * (period * period), v[j] * period
+        away, speed = q[j] - per_mass * s.grip.weights[j] * (period * period), v[j] * period
         extent = MARGIN * np.sqrt(away * away + speed * speed)
         whole[j] = extent * min(2.0, omega[j] * time)
         soon[j] = extent * min(2.0, omega[j] * brief)
-    near, near_soon = _left_after(c, line, whole, soon, height, w.b)
+    near, near_soon = _left_after(c, line, whole, soon, height, w.pivot.b)
     e.known[LASTS] = steps
     if steps > BLOCK and (near > (0 if by_frames else FEW) or e.known[CULLING] < LONG):
         for k in range(m.shapes.shape[0]):
-            e.left[k] = w.b[k]
+            e.left[k] = w.pivot.b[k]
         e.known[LASTS] = BLOCK
         return near_soon
     return near
@@ -135,7 +135,7 @@ def _left_after(c, line: int, whole, soon, height: float, left_soon) -> tuple[in
 @njit(inline="always")
 def held_at_rest(m, s, j: int) -> float:
     """Where a unit push of the finger on a string holds mode j at rest [m·√m/N], of its StringModel m and StringState s."""
-    return s.finger_weights[j] / (m.mu * m.omega[j] * m.omega[j])
+    return s.grip.weights[j] / (m.mu * m.omega[j] * m.omega[j])
 
 
 @njit(fastmath=FAST, **INNER)
@@ -185,7 +185,7 @@ def spend_left(coupling: int, line: int, first: int, turn: float, speed: float) 
 @njit(inline="always")
 def _taken(s, k: int, spent: float, strength: float) -> float:
     """What a frame takes off a contact's gap: what the bridge does, and the finger's pushes of this strength."""
-    return spent + (s.grip_far[k] * strength if strength > 0.0 else 0.0)
+    return spent + (s.grip.far[k] * strength if strength > 0.0 else 0.0)
 
 
 @njit(**INNER)

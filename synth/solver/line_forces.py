@@ -85,7 +85,7 @@ def look_at_line(model: int, state: int, end: int, steps: int, dt: float, speed:
     finger = s.finger[0]
     e.counts[KIND] = SINGLE if several == 1 and finger.on == 0 and m.layers.shape[1] == 0 else SEVERAL
     look(n, rows, m.shapes, s.q, s.v, 0, e.near, several // 2 * 2, e.u)
-    touch, last = s.finger_weights[:n], several - 1
+    touch, last = s.grip.weights[:n], several - 1
     finger_too = finger.on != 0 and e.known[AHEAD] == 0
     e.known[AHEAD] = 0
     by_steps = steps < _PULLED_BY_FRAMES
@@ -126,10 +126,10 @@ def look_at_line(model: int, state: int, end: int, steps: int, dt: float, speed:
         e.known[OF_SETS] = 0  # which have tables without a finger only
         matrix = e.matrix[: several * several].reshape(several, several)
         _, compliance = finger_blend(EXACT_HOLD, m.dt, finger.stiffness, finger.resistance)
-        total = s.grip_own[0, BLOCK] + compliance
+        total = s.grip.own[0, BLOCK] + compliance
         for i in range(several):
             for d in range(several):
-                matrix[i, d] -= s.grip_contacts[e.near[i], BLOCK] * s.grip_contacts[e.near[d], BLOCK] / total
+                matrix[i, d] -= s.grip.contacts[e.near[i], BLOCK] * s.grip.contacts[e.near[d], BLOCK] / total
 
 
 @njit(inline="always")
@@ -263,7 +263,7 @@ def answer_by_frames(model: int, state: int, end: int, frame: int, at: int, step
     m, s, e = string_model(model), string_state(state), end_at(end)
     e.known[LINEAR] = 1
     finger, contacts, path, share = s.finger[0], m.shapes.shape[0], e.path, 1.0 / steps
-    gives, at_once = max(0.0, finger.own) * share, max(0.0, s.grip_own[0, BLOCK] - finger.own)
+    gives, at_once = max(0.0, finger.own) * share, max(0.0, s.grip.own[0, BLOCK] - finger.own)
     change = e.finger_moved[0, BLOCK] * share
     string = finger.here - at_once * finger.push
     drift = (e.u[contacts, frame] - string) * share + change * turn
@@ -292,9 +292,9 @@ def answer_by_frames(model: int, state: int, end: int, frame: int, at: int, step
 def _finger_alone(model: int, state: int, end: int, scratch: int, at: int, turn: float) -> tuple[float, float]:
     """Force and slope of a finger without contacts over K steps that are one frame."""
     m, s, e, w = string_model(model), string_state(state), end_at(end), scratch_of(scratch)
-    finger, contacts, pull, y = s.finger[0], m.shapes.shape[0], w.spare[0], w.spare[1]
+    finger, contacts, pull, y = s.finger[0], m.shapes.shape[0], w.rows.spare[0], w.rows.spare[1]
     blend, compliance = finger_blend(EXACT_HOLD, m.dt, finger.stiffness, finger.resistance)
-    stiff = 1.0 / (s.grip_own[0, BLOCK] + compliance)
+    stiff = 1.0 / (s.grip.own[0, BLOCK] + compliance)
     follow = finger.resistance / m.dt / blend * stiff
     moved = e.finger_moved[0, BLOCK:]
     for k in range(BLOCK):
@@ -303,10 +303,10 @@ def _finger_alone(model: int, state: int, end: int, scratch: int, at: int, turn:
         )
         pull[k] = target / blend * stiff
         y[k] = e.u[contacts, k] + moved[k] * turn
-    grip_sequence(pull, (stiff, follow, finger.here), y, s.grip_own[0], e.forces[contacts], w.spare[2])
+    grip_sequence(pull, (stiff, follow, finger.here), y, s.grip.own[0], e.forces[contacts], w.rows.spare[2])
     for k in range(BLOCK):
         pull[k] = 0.0
-    grip_sequence(pull, (stiff, follow, 0.0), moved, s.grip_own[0], e.slopes[contacts], w.spare[2])
+    grip_sequence(pull, (stiff, follow, 0.0), moved, s.grip.own[0], e.slopes[contacts], w.rows.spare[2])
     return dot(e.finger_reach[0], e.forces[contacts]), dot(e.finger_reach[0], e.slopes[contacts])
 
 
@@ -315,12 +315,12 @@ def _contacts_and_finger(
     model: int, state: int, end: int, scratch: int, first: int, at: int, steps: int, turn: float
 ) -> tuple[float, float, int, int]:
     m, s, e, w = string_model(model), string_state(state), end_at(end), scratch_of(scratch)
-    several, near, grip, finger = e.counts[NEAR], e.near, s.grip_contacts, s.finger[0]
+    several, near, grip, finger = e.counts[NEAR], e.near, s.grip.contacts, s.finger[0]
     forces, slopes, apart, opening, fingered = e.forces, e.slopes, e.apart, e.opening, finger.on != 0
-    gaps, moves = w.u, w.forces  # of the rows over these steps, and by the speed
+    gaps, moves = w.rows.u, w.rows.forces  # of the rows over these steps, and by the speed
     begin_rows(m, s, e, w, first, steps, turn)
     matrix = e.matrix[: several * several].reshape(several, several)
-    enabled, active, z, b = w.enabled[:several], w.active[:several], w.z[:several], w.b[:several]
+    enabled, active, z, b = w.pivot.enabled[:several], w.pivot.active[:several], w.z[:several], w.pivot.b[:several]
     for i in range(several):
         enabled[i] = 1
         active[i] = 1 if s.force[near[i]] > 0.0 else 0  # in the step before
@@ -338,7 +338,7 @@ def _contacts_and_finger(
             opening[i, first + t] = moves[i, t] + (grip[near[i], BLOCK] * push_slope if fingered else 0.0)
             forces[i, first + t] = slopes[i, first + t] = 0.0
         if touching:
-            bad, _, held = pivot(matrix, b, enabled, active, z, w.factor, w.order, held)
+            bad, _, held = pivot(matrix, b, enabled, active, z, w.pivot.factor, w.pivot.order, held)
             status = max(status, bad)
             for i in range(several):
                 forces[i, first + t] = z[i]
@@ -350,9 +350,9 @@ def _contacts_and_finger(
                     pattern = pattern * MIX + i * BLOCK + t + 1
                 b[i] = opening[i, first + t]
             # how they change while the same ones press; contacts solved one by one leave no factor
-            count = held if held > 0 else factorise(matrix, active, LEAST_PIVOT, w.factor, w.order, held)[0]
+            count = held if held > 0 else factorise(matrix, active, LEAST_PIVOT, w.pivot.factor, w.pivot.order, held)[0]
             if count > 0:
-                substitute(b, count, w.factor, w.order, z)
+                substitute(b, count, w.pivot.factor, w.pivot.order, z)
                 for i in range(several):
                     slopes[i, first + t] = z[i]
             else:
@@ -397,7 +397,7 @@ def settle_line(model: int, state: int, end: int, frame: int, steps: int, turn: 
                         add_late(e.u[d], m.lags[near[d], near[i]], t, force)
             if fingered:
                 for d in range(several):
-                    add_late(e.u[d], s.grip_contacts[near[d]], t, e.forces[contacts, t])
+                    add_late(e.u[d], s.grip.contacts[near[d]], t, e.forces[contacts, t])
     if fingered:
         add_late(e.u[contacts], e.finger_moved[0], first, turn)
     for k in range(BLOCK):
@@ -409,7 +409,7 @@ def settle_line(model: int, state: int, end: int, frame: int, steps: int, turn: 
             if force != 0.0:
                 e.pushed[1] += force
                 if fingered:
-                    add_late(e.u[contacts], s.grip_contacts[c], first + t, force)
+                    add_late(e.u[contacts], s.grip.contacts[c], first + t, force)
                 if steps == 1:
                     for k in range(BLOCK):
                         e.drew[k] += e.drawn[c, k] * force
@@ -420,7 +420,7 @@ def settle_line(model: int, state: int, end: int, frame: int, steps: int, turn: 
         for t in range(steps):
             force = e.forces[contacts, first + t]
             e.pushed[0] += abs(force)
-            add_late(e.u[contacts], s.grip_own[0], first + t, force)
+            add_late(e.u[contacts], s.grip.own[0], first + t, force)
             _draw(e.finger_drawn[0], frame, t, steps, force, e.row)
         finger = s.finger[0]
         finger.push = e.forces[contacts, first + steps - 1]
@@ -469,7 +469,7 @@ def drive_line(model: int, state: int, end: int, steps: int, more: bool) -> None
         kick(padded(m.modes), e.flight, q, v, e.kick, e.kicks)
         return
     pressed, fingered = _pressed(e, e.counts[NEAR]), s.finger[0].on != 0
-    touch, pushes = s.finger_weights[:n], e.forces[contacts]
+    touch, pushes = s.grip.weights[:n], e.forces[contacts]
     if steps == BLOCK:
         add(e.kicks[0], e.kick[:n], v)
         if fingered and pressed == 0:
@@ -516,4 +516,4 @@ def step_line(model: int, state: int, end: int, steps: int) -> None:
             if e.forces[i, t] != 0.0:
                 push_modes(q, v, kq, kv, m.shapes[e.near[i]], e.forces[i, t])
         if s.finger[0].on != 0:
-            push_modes(q, v, kq, kv, s.finger_weights, e.forces[contacts, t])
+            push_modes(q, v, kq, kv, s.grip.weights, e.forces[contacts, t])

@@ -61,7 +61,7 @@ def answer_of_rubbed(
     on the bridge, its slope by the speed of its own end, by that of the first direction's, what contacts do, status)."""
     m, s, e, one, w = string_model(model), string_state(state), end_at(end), end_at(first_end), scratch_of(scratch)
     several, near, lags = e.counts[NEAR], e.near, m.lags
-    ways, moves = w.u, w.forces  # of the contacts over these steps, and by the speed of the own end
+    ways, moves = w.rows.u, w.rows.forces  # of the contacts over these steps, and by the speed of the own end
     others = w.record[: several * BLOCK].reshape(several, BLOCK)  # by that of the first direction's
     a = e.matrix[: several * several].reshape(several, several)
     for i in range(several):
@@ -72,8 +72,14 @@ def answer_of_rubbed(
         for d in range(several):
             a[i, d] = lags[near[i], near[d], BLOCK]
     force, slope, cross, pattern, status = 0.0, 0.0, 0.0, 0, SOLVED
-    side, active, way, bound, z = w.enabled[:several], w.active[:several], w.b[:several], w.y[:several], w.z[:several]
-    right, change = w.after[:several], w.matrix[:several]
+    side, active, way, bound, z = (
+        w.pivot.enabled[:several],
+        w.pivot.active[:several],
+        w.pivot.b[:several],
+        w.y[:several],
+        w.z[:several],
+    )
+    right, change = w.modes.after[:several], w.pivot.matrix[:several]
     for t in range(steps):
         pressed = False
         for i in range(several):
@@ -84,20 +90,20 @@ def answer_of_rubbed(
         if not pressed:
             continue
         fill_those(model, state, scratch, near, several)
-        bad, held = hold_back(a, way, bound, side, active, right, w.factor, w.order, z)
+        bad, held = hold_back(a, way, bound, side, active, right, w.pivot.factor, w.pivot.order, z)
         status = max(status, bad)
         for i in range(several):
             e.forces[i, first + t] = z[i]
             pattern = pattern * MIX + (4 * t + 1 + side[i])
             right[i] = moves[i, t] - (moves[i, t - 1] if t > 0 else 0.0)
-        substitute(right, held, w.factor, w.order, change)
+        substitute(right, held, w.pivot.factor, w.pivot.order, change)
         for i in range(several):
             e.slopes[i, first + t] = change[i]
         for i in range(several):
             right[i] = others[i, t] - (others[i, t - 1] if t > 0 else 0.0)
             for d in range(several):
                 right[i] += a[i, d] * _sliding(side[d]) * friction * one.slopes[d, first + t]
-        substitute(right, held, w.factor, w.order, change)
+        substitute(right, held, w.pivot.factor, w.pivot.order, change)
         for i in range(several):
             change[i] += _sliding(side[i]) * friction * one.slopes[i, first + t]
             reach = e.reach[near[i], t]

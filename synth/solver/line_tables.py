@@ -129,7 +129,7 @@ def _fill_finger_end(rows, n: int, dt: float, model: int, state: int, end: int, 
     """The same of n modes with these rows of a step of dt [s], so many a frame."""
     m, s, e = string_model(model), string_state(state), end_at(end)
     q, v = scratch_q[:n], scratch_v[:n]
-    finger, zero, one = s.finger_weights[:n].reshape(1, n), int(np.int64(0)), int(np.int64(1))
+    finger, zero, one = s.grip.weights[:n].reshape(1, n), int(np.int64(0)), int(np.int64(1))
     for j in range(n):
         q[j] = rows[P12, j] * e.kick[j]
         v[j] = rows[P22, j] * e.kick[j]
@@ -146,7 +146,7 @@ def _fill_finger_end(rows, n: int, dt: float, model: int, state: int, end: int, 
 
 @njit(cache=True, nogil=True)
 def ensure_tables(coupling: int, line: int, scratch: int) -> None:
-    """All that is due of a line is filled. Works in Scratch.q, v and spare."""
+    """All that is due of a line is filled. Works in Scratch.modes.q, v and spare."""
     c, w = coupling_at(coupling), scratch_of(scratch)
     model, end = c.line_model[line], c.line_end[line]
     m, e = string_model(model), end_at(end)
@@ -161,7 +161,7 @@ def ensure_tables(coupling: int, line: int, scratch: int) -> None:
     e.flight[:6, n:] = 0.0
     quick_coefficients(EXACT_HOLD, m.omega[:n], e.sigma[:n], m.mu, c.frame, e.flight)
     fill_rows(e.flight)
-    fill_looked_at(model, end, c.steps[line], w.q, w.v, w.spare)
+    fill_looked_at(model, end, c.steps[line], w.modes.q, w.modes.v, w.rows.spare)
     e.counts[DUE] = READY
 
 
@@ -175,7 +175,7 @@ def _rest_no_more(coupling: int, line: int, scratch: int) -> None:
     if e.counts[HEARD_MODES] > e.counts[APART_MODES]:
         ensure_tables(coupling, line, scratch)  # the flight of all modes among them
         set_apart_modes(end)
-        fill_apart(end, w.q, w.v, w.spare)
+        fill_apart(end, w.modes.q, w.modes.v, w.rows.spare)
 
 
 @njit(cache=True, nogil=True)
@@ -185,7 +185,7 @@ def fill_finger(coupling: int, line: int, scratch: int) -> None:
     model, state, end = c.line_model[line], c.line_state[line], c.line_end[line]
     ensure_tables(coupling, line, scratch)
     fill_grip(model, state, scratch, int(np.int64(1)))
-    fill_finger_end(model, state, end, c.steps[line], w.q, w.v, w.spare)
+    fill_finger_end(model, state, end, c.steps[line], w.modes.q, w.modes.v, w.rows.spare)
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
@@ -196,7 +196,7 @@ def go_by_frames(coupling: int, line: int, scratch: int) -> bool:
     c, w = coupling_at(coupling), scratch_of(scratch)
     model, state, end = c.line_model[line], c.line_state[line], c.line_end[line]
     m, s, e = string_model(model), string_state(state), end_at(end)
-    before, held = e.counts[BY_FRAMES], w.moved[2]
+    before, held = e.counts[BY_FRAMES], w.modes.moved[2]
     e.counts[BY_FRAMES] = 1
     fill_held_at_rest(c, line, held)
     if m.shapes.shape[0] > 0 and cull(coupling, line, scratch, int(np.int64(BLOCK))) > 0:
@@ -208,17 +208,17 @@ def go_by_frames(coupling: int, line: int, scratch: int) -> bool:
         n = e.counts[APART_MODES]
         quick_coefficients(EXACT_HOLD, m.omega[:n], e.sigma[:n], m.mu, c.frame, e.flight)
         complete_rows(e.flight, padded(n))
-        fill_apart(end, w.q, w.v, w.spare)
+        fill_apart(end, w.modes.q, w.modes.v, w.rows.spare)
         fill_held_at_rest(c, line, held)
     look_everywhere(end)
     e.counts[ENGAGED] = 1
     residual, finger_at = 0.0, s.finger[0]
     if before:  # what rests is in it already
-        finger_at.here -= (s.grip_own[0, BLOCK] - finger_at.own) * finger_at.push
+        finger_at.here -= (s.grip.own[0, BLOCK] - finger_at.own) * finger_at.push
     for j in range(e.counts[APART_MODES], m.modes):  # which follow the finger as if at rest
-        residual += s.finger_weights[j] * held[j]
+        residual += s.grip.weights[j] * held[j]
         if j < s.counts[MOVING]:
-            finger_at.here -= s.finger_weights[j] * s.q[j]
+            finger_at.here -= s.grip.weights[j] * s.q[j]
     finger_at.here += residual * finger_at.push
     _rest_above(c, line)
     # what it does to its end is that of a line that is apart, and what it does in its own steps waits
@@ -228,22 +228,22 @@ def go_by_frames(coupling: int, line: int, scratch: int) -> bool:
     if e.counts[DUE] == READY:
         e.counts[DUE] = TABLES_DUE
     n = padded(moving_modes(m, e))
-    q, v, finger = w.q[:n], w.v[:n], s.finger_weights[:n].reshape(1, n)
+    q, v, finger = w.modes.q[:n], w.modes.v[:n], s.grip.weights[:n].reshape(1, n)
     own = 0.0
     for j in range(n):
         q[j], v[j] = e.flight[KQ, j] * finger[0, j], e.flight[KV, j] * finger[0, j]
         own += finger[0, j] * q[j]
     zero = int(np.int64(0))
-    fill_response(zero, e.flight, q, v, finger, zero, w.spare, s.grip_own)
+    fill_response(zero, e.flight, q, v, finger, zero, w.rows.spare, s.grip.own)
     finger_at.own = own
-    s.grip_own[0, BLOCK] = own + residual
+    s.grip.own[0, BLOCK] = own + residual
     extents(m.omega[:n], q, v, q)
     for k in range(m.shapes.shape[0]):
         total = 0.0
         for j in range(n):
             total += abs(m.shapes[k, j]) * q[j]
-        s.grip_far[k] = MARGIN * (total + e.numbers[HELD_REACH])
-    _fill_finger_end(e.flight, n, c.frame, model, state, end, int(np.int64(1)), w.q, w.v, w.spare)
+        s.grip.far[k] = MARGIN * (total + e.numbers[HELD_REACH])
+    _fill_finger_end(e.flight, n, c.frame, model, state, end, int(np.int64(1)), w.modes.q, w.modes.v, w.rows.spare)
     return True
 
 

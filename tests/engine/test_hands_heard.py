@@ -292,7 +292,7 @@ def test_a_finger_that_leaves_its_fret_lets_the_open_string_be_heard() -> None:
     assert place(made, 0)[1] == 0
     opened = bank_of(made).models[made._sounding.hands["model"][0]]
     share = float(model["length"] / opened["length"])
-    assert string_of(made, 0).finger_weights[0] == pytest.approx(
+    assert string_of(made, 0).grip.weights[0] == pytest.approx(
         np.sqrt(2.0 / opened["length"]) * np.sin(np.pi * (1.0 - share)), rel=1e-3
     )  # the finger at the end lies where the fret is
     pressed = (

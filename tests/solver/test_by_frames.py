@@ -107,12 +107,12 @@ def test_modes_that_rest_are_held_by_the_finger() -> None:
     n = model.modes
     assert state.q[8:n].any() and not end.clearance.any()
     np.testing.assert_allclose(
-        state.q[8:n], finger["push"] * state.finger_weights[8:n] / (model.mu * model.omega[8:n] ** 2), rtol=1e-12
+        state.q[8:n], finger["push"] * state.grip.weights[8:n] / (model.mu * model.omega[8:n] ** 2), rtol=1e-12
     )
     lever = end.numbers[coupling.FINGER_LEVERAGE] * coupling.along.py_func(
         kernel.lines.coupling, 0, kernel.lines.coupling.beta
     )
-    assert state.finger_weights[:n] @ state.q[:n] + lever == pytest.approx(float(finger["here"]), rel=1e-9)
+    assert state.grip.weights[:n] @ state.q[:n] + lever == pytest.approx(float(finger["here"]), rel=1e-9)
 
 
 @pytest.mark.parametrize("moving", [24, 8])

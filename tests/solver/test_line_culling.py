@@ -170,7 +170,7 @@ def test_nothing_moves_further_than_is_spent(pushed: str) -> None:
             more = rng.uniform(-1.0, 1.0)
             end.forces[-1, :steps] = state.finger[0]["push"]
             end.forces[-1, 0] += more
-            shape, force = state.finger_weights[:n], state.finger[0]["push"] + more
+            shape, force = state.grip.weights[:n], state.finger[0]["push"] + more
         elif pushed == "bridge":
             turn, speed, shape, force = rng.uniform(-0.1, 0.1), rng.uniform(-0.1, 0.1), model.shapes[0, :n], 0.0
         else:
