@@ -126,7 +126,7 @@ class Kernel:
         for end, mine in zip(self.ends, self.mine, strict=True):
             if end.counts[coupling.KIND] >= coupling.SINGLE:
                 for i in range(end.counts[coupling.NEAR]):
-                    out[:, mine[end.near[i]]] = end.forces[i, :steps]
+                    out[:, mine[end.block.near[i]]] = end.block.forces[i, :steps]
         return out
 
     @property

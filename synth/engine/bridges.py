@@ -16,11 +16,7 @@ from synth.solver.coupling import COUPLING_SIZES, CULLED_FROM, MOST_STEPS, Coupl
 from synth.solver.lanes import padded, padded_single
 
 #: what a block works with and no block leaves behind
-END_ROOM = (
-    "path", "pulled", "row", "u", "forces", "slopes", "apart", "opening", "answer", "known", "left", "few", "sides", "drew",
-    "kicks", "near", "matrix", "kept", "kept_contacts",
-    "single_of", "single_flight", "single_kick", "single_pull", "single_q", "single_v",
-)  # fmt: skip
+END_ROOM = ("path", "block.", "few.", "kept.", "single.")
 COUPLING_ROOM = (
     "touching", "pull", "kicks", "small", "jacobian", "newton", "free", "goes", "radiates", "force",
     "kept", "knock", "knocked",
@@ -105,11 +101,11 @@ class Bridges:
     @property
     def room(self) -> dict[str, np.ndarray]:
         """Of the ends, what carries nothing from block to block."""
-        return {name: self.ends.flat[name] for name in END_ROOM}
+        return {name: array for name, array in self.ends.flat.items() if name.startswith(END_ROOM)}
 
     def arrays(self) -> dict[str, np.ndarray]:
         """All that changes, by name."""
-        ends = {f"end.{name}": array for name, array in self.ends.flat.items() if name not in END_ROOM}
+        ends = {f"end.{name}": array for name, array in self.ends.flat.items() if not name.startswith(END_ROOM)}
         out = dict(ends) if self.strings else {}
         for number, coupling in enumerate(self.couplings):
             for name, value in coupling._asdict().items():

@@ -168,7 +168,7 @@ def weigh_frame(study: int) -> bool:
                 for k in range(contacts):
                     was.force[t.first[line] + k] = was.acting[t.first[line] + k]
                 if fingered:
-                    push, total = e.forces[contacts, i], 0.0
+                    push, total = e.block.forces[contacts, i], 0.0
                     for j in range(n):
                         total += s.grip.weights[j] * q[j]
                     moved = total - held
@@ -246,14 +246,14 @@ def _step(t, was, c, line: int, i: int, q, v) -> None:
     for k in range(contacts):
         was.acting[first + k] = 0.0
     for row in range(e.counts[NEAR]):
-        was.acting[first + e.near[row]] = e.forces[row, i]
+        was.acting[first + e.block.near[row]] = e.block.forces[row, i]
     fingered = s.finger[0].on != 0
     for j in range(m.modes):
         f = 0.0
         for k in range(contacts):
             f += m.shapes[k, j] * was.acting[first + k]
         if fingered:
-            f += s.grip.weights[j] * e.forces[contacts, i]
+            f += s.grip.weights[j] * e.block.forces[contacts, i]
         a = rows[P11, j] * q[j] + rows[P12, j] * v[j] + rows[4, j] * f
         v[j] = rows[P21, j] * q[j] + rows[P22, j] * v[j] + rows[5, j] * f
         q[j] = a

@@ -30,10 +30,11 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numba import njit
 
-from synth.native.arrays import f4, f8, i8, u1
+from synth.native.arrays import f8, i8, u1
 from synth.native.views import opener
 from synth.solver.block_rows import BLOCK, ROWS
 from synth.solver.certificates import MARGIN
+from synth.solver.single import SingleLine
 from synth.solver.stringmodel import DEPTH, MOVING, STIFFNESS, string_model, string_state
 from synth.solver.vectors import FAST, INNER, dot
 
@@ -52,7 +53,7 @@ KEPT_BY_THE_REST = 0.9
     KICK_REACH,  # how far a unit kick can move any contact, at most [s]
     LARGEST_LEVERAGE,  # |ξ| of any contact, at most
     SPENT,  # what bridge and bends have taken off the clearances since the line was certified [m]
-    RISEN,  # the kicks' part of it since End.bound was taken [m]
+    RISEN,  # the kicks' part of it since End.certificate.bound was taken [m]
     LATELY,  # what the bridge took off them in the last block [m]
     SLACK,  # what it may take off them in this block [m]
     RELIEF,  # share of the contacts' residual compliance that a bend has added to it
@@ -69,10 +70,10 @@ N_NUMBERS = 17
 (
     ENGAGED,  # whether contacts and finger count
     NEAR,  # contacts that are looked at
-    KEPT,  # whether End.kept is of this block
+    KEPT,  # whether End.kept.modes is of this block
     APART_MODES,  # modes that move while the line is apart, all or a multiple of `lanes.PAD`; others rest, as left out
     CERTIFIED,  # contacts that need not be looked at
-    QUIET,  # blocks since something pressed, −1 once End.bound holds
+    QUIET,  # blocks since something pressed, −1 once End.certificate.bound holds
     KIND,  # state of the line in this block, see below
     DUE,  # tables that wait until the line is looked at (`line_tables`)
     REACH_OF,  # number of the model, from 1 on, that kick, pull, leverage and what any contact has at most are of
@@ -87,25 +88,25 @@ N_COUNTS = 13
 FAR, CLEAR, SINGLE, SEVERAL = range(4)
 #: place of a hand's push among the forces on a body, behind the components of the bridge's
 HAND = COMPONENTS
-#: rows of End.own and shares: while it is not looked at, while it is
+#: rows of End.responses.own and shares: while it is not looked at, while it is
 APART, LOOKED_AT = range(2)
-#: places in End.answer
+#: places in End.block.answer
 (
     TURNED,  # what the end's speed changes by in the frame that is asked for [m/s]
     PUSHED,  # mean force of contacts and finger on the bridge then [N]
     STEEPNESS,  # slope of that by the speed
-    FINGERS_PUSH,  # push of the finger that End.left takes for granted [N]
+    FINGERS_PUSH,  # push of the finger that End.block.left takes for granted [N]
 ) = range(4)
 N_ANSWER = 4
-#: places in End.known
+#: places in End.block.known
 (
     PATTERN,  # contacts that press in the steps of that frame, as a number
     LINEAR,  # whether the answer is linear while the same ones press
     SETS,  # sets of contacts whose tables are there (`few_contacts`)
     OF_SETS,  # contacts that these are of
     CULLING,  # how long at a time contacts may be passed over in this block: NEVER, SHORT (AGAIN) or LONG
-    LASTS,  # steps for which End.left holds (`line_culling`), or USED_UP
-    AHEAD,  # whether End.u has the finger's next steps already
+    LASTS,  # steps for which End.block.left holds (`line_culling`), or USED_UP
+    AHEAD,  # whether End.block.u has the finger's next steps already
 ) = range(7)
 N_KNOWN = 7
 #: contacts are not passed over; for one pass, which is tried for the last time, or the first; for what is left of the block
@@ -120,25 +121,9 @@ FEW = 4
 CULLED_FROM = 5
 
 
-class End(NamedTuple):
-    """What a moving end is to one line, its responses over a block of steps or frames, and room for a block's rows."""
+class EndResponses(NamedTuple):
+    """What a line answers to its end, its contacts and its finger, over a block."""
 
-    numbers: Annotated[np.ndarray, f8("N_NUMBERS")]
-    counts: Annotated[np.ndarray, i8("N_COUNTS")]
-    kick: Annotated[np.ndarray, f8("modes")]  # −c: what a unit kick does to ẇ
-    pull: Annotated[np.ndarray, f8("modes")]  # μ c
-    sigma: Annotated[np.ndarray, f8("modes")]  # of its modes as a hand now damps them [1/s]
-    flight: Annotated[np.ndarray, f8("ROWS, modes")]  # of a frame, `lanes`
-    # the same of the modes that move while it is apart, in float32 (`single`), none where Coupling.single is not set; and
-    # numbers of the flight that they are of
-    single_of: Annotated[np.ndarray, f8("5")]
-    single_flight: Annotated[np.ndarray, f4("ROWS, singles")]
-    single_kick: Annotated[np.ndarray, f4("singles")]
-    single_pull: Annotated[np.ndarray, f4("singles")]
-    single_q: Annotated[np.ndarray, f4("singles")]
-    single_v: Annotated[np.ndarray, f4("singles")]
-    leverage: Annotated[np.ndarray, f8("contacts")]  # ξ
-    clearance: Annotated[np.ndarray, f8("contacts")]  # [m], of each contact: > 0: it need not be looked at
     share: Annotated[np.ndarray, f8("2")]  # Σ c² of the modes that move
     own: Annotated[np.ndarray, f8("2, RESPONSE")]  # pull after a unit kick, by frames
     moved: Annotated[np.ndarray, f8("contacts, RESPONSE")]  # gaps after a unit kick, by steps, the end's way among it
@@ -147,9 +132,20 @@ class End(NamedTuple):
     finger_moved: Annotated[np.ndarray, f8("1, RESPONSE")]
     finger_reach: Annotated[np.ndarray, f8("1, BLOCK")]
     finger_drawn: Annotated[np.ndarray, f8("1, BLOCK")]
+
+
+class LineCertificate(NamedTuple):
+    """Which contacts a line is certain not to touch (`line_certificates`)."""
+
+    clearance: Annotated[np.ndarray, f8("contacts")]  # [m], of each contact: > 0: it need not be looked at
     bound: Annotated[np.ndarray, f8("contacts")]  # what free flight can move the string by there within a block [m]
     stirred: Annotated[np.ndarray, f8("contacts")]  # √ of how far a unit push there moves the string there, at most [√(m/N)]
-    path: Annotated[np.ndarray, f8("path")]  # of the finger [m], at the start and after each step of a call
+    pushed: Annotated[np.ndarray, f8("2")]  # Σ |p| of the finger over a block, Σ λ of the contacts
+
+
+class LineBlock(NamedTuple):
+    """Room for a block of a line: rows of its contacts looked at, then of its finger, by steps; what a frame asked of it."""
+
     pulled: Annotated[np.ndarray, f8("1, contacts + 1, RESPONSE")]  # pull after a force, by steps
     row: Annotated[np.ndarray, f8("BLOCK")]  # pull at the ends of the frames that lie ahead
     u: Annotated[np.ndarray, f8("contacts + 1, BLOCK")]  # gaps of the contacts looked at, then height under the finger
@@ -159,18 +155,45 @@ class End(NamedTuple):
     opening: Annotated[np.ndarray, f8("contacts + 1, BLOCK")]  # what these change by with it
     answer: Annotated[np.ndarray, f8("N_ANSWER")]
     known: Annotated[np.ndarray, i8("N_KNOWN")]
-    left: Annotated[
-        np.ndarray, f8("contacts")
-    ]  # of the gap of each contact that is not certified, > 0: it is passed over [m], or FOLLOWED
-    few: Annotated[np.ndarray, f8("SETS, FEW*FEW")]  # of each set of contacts, by columns
-    sides: Annotated[np.ndarray, f8("4, FEW")]
+    # of the gap of each contact that is not certified, what is left: > 0: it is passed over [m], or FOLLOWED
+    left: Annotated[np.ndarray, f8("contacts")]
     drew: Annotated[np.ndarray, f8("BLOCK")]  # pull after the forces of one step, at the ends of its and later frames
     kicks: Annotated[np.ndarray, f8("BLOCK")]  # of the end, by steps while it is looked at; once a block is over, by frames
-    pushed: Annotated[np.ndarray, f8("2")]  # Σ |p| of the finger over a block, Σ λ of the contacts
     near: Annotated[np.ndarray, i8("contacts")]
     matrix: Annotated[np.ndarray, f8("contacts*contacts")]  # of the contacts looked at, the finger taken out
-    kept: Annotated[np.ndarray, f8("2, modes")]  # state of the modes …
-    kept_contacts: Annotated[np.ndarray, f8("contacts + 2")]  # … of contacts and finger as a block begins
+
+
+class FewContacts(NamedTuple):
+    """Tables of `few_contacts`."""
+
+    tables: Annotated[np.ndarray, f8("SETS, FEW*FEW")]  # of each set of contacts, by columns
+    sides: Annotated[np.ndarray, f8("4, FEW")]
+
+
+class KeptLine(NamedTuple):
+    """State of a line as a block begins."""
+
+    modes: Annotated[np.ndarray, f8("2, modes")]
+    contacts: Annotated[np.ndarray, f8("contacts + 2")]  # and finger
+
+
+class End(NamedTuple):
+    """What a moving end is to one line."""
+
+    numbers: Annotated[np.ndarray, f8("N_NUMBERS")]
+    counts: Annotated[np.ndarray, i8("N_COUNTS")]
+    kick: Annotated[np.ndarray, f8("modes")]  # −c: what a unit kick does to ẇ
+    pull: Annotated[np.ndarray, f8("modes")]  # μ c
+    sigma: Annotated[np.ndarray, f8("modes")]  # of its modes as a hand now damps them [1/s]
+    flight: Annotated[np.ndarray, f8("ROWS, modes")]  # of a frame, `lanes`
+    leverage: Annotated[np.ndarray, f8("contacts")]  # ξ
+    path: Annotated[np.ndarray, f8("path")]  # of the finger [m], at the start and after each step of a call
+    responses: EndResponses
+    certificate: LineCertificate
+    block: LineBlock
+    few: FewContacts
+    kept: KeptLine
+    single: SingleLine  # while it is apart; none where Coupling.single is not set
 
 
 class Coupling(NamedTuple):
@@ -210,7 +233,9 @@ class Coupling(NamedTuple):
     share: Annotated[np.ndarray, f8("components, components")]  # Σ B Bᵀ μ Σ c²
     rest_mass: Annotated[np.ndarray, f8("components, components")]  # Σ B Bᵀ μ (L/3 − Σ c²)
     tension: Annotated[np.ndarray, f8("components, components")]  # Σ B Bᵀ T/L
-    own: Annotated[np.ndarray, f8("2, components, components, RESPONSE")]  # Σ B Bᵀ of End.own; lines apart, lines looked at
+    own: Annotated[
+        np.ndarray, f8("2, components, components, RESPONSE")
+    ]  # Σ B Bᵀ of End.responses.own; lines apart, lines looked at
     moving: Annotated[np.ndarray, f8("components, components")]  # of all lines, at the end of the kick's own frame
     drag: Annotated[np.ndarray, f8("components, components")]  # A
     inverse: Annotated[np.ndarray, f8("components, components")]  # (I + Γ A/H)⁻¹
@@ -304,8 +329,8 @@ def gather_responses(coupling: int) -> None:
     for line in range(c.line_end.size):
         e, direction, mu = end_at(c.line_end[line]), c.direction[line], string_model(c.line_model[line]).mu
         kind = LOOKED_AT if e.counts[ENGAGED] else APART
-        of_line, moving = e.own[kind], mu * e.share[kind]
-        left_out = mu * max(0.0, e.numbers[LENGTH] / 3.0 - e.share[kind])
+        of_line, moving = e.responses.own[kind], mu * e.responses.share[kind]
+        left_out = mu * max(0.0, e.numbers[LENGTH] / 3.0 - e.responses.share[kind])
         for i in range(d):
             for k in range(i + 1):
                 both, own = direction[i] * direction[k], c.own[kind, i, k]

@@ -129,7 +129,7 @@ def _begin_stretch(coupling: int, number: int) -> None:
     if number > 0:
         put(c.held[0], c.held[number])
     for line in range(c.line_end.size):
-        end_at(c.line_end[line]).known[LASTS] = 0
+        end_at(c.line_end[line]).block.known[LASTS] = 0
         follow_none(c.line_end[line])
 
 
@@ -149,8 +149,8 @@ def _certain_block(coupling: int, scratch: int, frames: int, at: int, until: int
             e.counts[KIND] = CLEAR if clear else SEVERAL
             if string_model(c.line_model[line]).shapes.shape[0] >= c.culled_from and runs_out(coupling, line, frames):
                 look_everywhere(c.line_end[line])
-        e.known[CULLING] = LONG if e.counts[KIND] == SEVERAL and _may_pass_over(coupling, line) else NEVER
-        uncertain = uncertain or e.counts[KIND] == CLEAR or e.counts[CERTIFIED] > 0 or e.known[CULLING] != NEVER
+        e.block.known[CULLING] = LONG if e.counts[KIND] == SEVERAL and _may_pass_over(coupling, line) else NEVER
+        uncertain = uncertain or e.counts[KIND] == CLEAR or e.counts[CERTIFIED] > 0 or e.block.known[CULLING] != NEVER
     if uncertain:
         _keep(coupling)
     look_at_body(coupling)
@@ -163,9 +163,10 @@ def _certain_block(coupling: int, scratch: int, frames: int, at: int, until: int
         again = False
         for line in range(c.line_end.size):
             e = end_at(c.line_end[line])
-            _kicks_of(c, line, e.kicks)
+            _kicks_of(c, line, e.block.kicks)
             if _is_used_up(e):
-                e.known[CULLING] = NEVER if e.counts[BY_FRAMES] and e.known[CULLING] < LONG else e.known[CULLING] - 1
+                known = e.block.known
+                known[CULLING] = NEVER if e.counts[BY_FRAMES] and known[CULLING] < LONG else known[CULLING] - 1
                 again = True
         for line in range(c.line_end.size if not again else 0):  # else the block was left off
             if c.friction[line] > 0.0:
@@ -181,7 +182,7 @@ def _certain_block(coupling: int, scratch: int, frames: int, at: int, until: int
             for line in range(c.line_end.size):
                 e = end_at(c.line_end[line])
                 if e.counts[BY_FRAMES]:
-                    e.known[LASTS] = 0
+                    e.block.known[LASTS] = 0
             _gather_again(coupling, frames)
     for line in range(c.line_end.size):
         if c.friction[line] == 0.0 and string_model(c.line_model[line]).shapes.shape[0] > 0:
@@ -220,15 +221,15 @@ def _look_closer(coupling: int, scratch: int, frames: int) -> bool:
         e = end_at(c.line_end[line])
         if e.counts[BY_FRAMES] == 0 or string_model(c.line_model[line]).shapes.shape[0] == 0:
             continue
-        may_touch = e.known[CULLING] == NEVER
-        if not may_touch and e.known[LASTS] <= 0:
+        may_touch = e.block.known[CULLING] == NEVER
+        if not may_touch and e.block.known[LASTS] <= 0:
             may_touch = cull(coupling, line, scratch, frames) > 0
         if may_touch:
             look_at(coupling, line, int(np.int64(1)), scratch)
             fill_finger(coupling, line, scratch)
             _keep_line(c, line)  # it still is as the block began
-            e.known[CULLING] = LONG if may_cull(coupling, line) else NEVER
-            e.known[LASTS] = 0
+            e.block.known[CULLING] = LONG if may_cull(coupling, line) else NEVER
+            e.block.known[LASTS] = 0
             closer = True
     return closer
 
@@ -265,11 +266,11 @@ def _keep_line(c, line: int) -> None:
     """What a block changes of a line that is looked at, as it begins."""
     e, s = end_at(c.line_end[line]), string_state(c.line_state[line])
     n, contacts = string_model(c.line_model[line]).modes, e.leverage.size
-    put(e.kept[0], s.q[:n])
-    put(e.kept[1], s.v[:n])
-    put(e.kept_contacts, s.force[:contacts])
-    e.kept_contacts[contacts] = s.finger[0].here
-    e.kept_contacts[contacts + 1] = s.finger[0].push
+    put(e.kept.modes[0], s.q[:n])
+    put(e.kept.modes[1], s.v[:n])
+    put(e.kept.contacts, s.force[:contacts])
+    e.kept.contacts[contacts] = s.finger[0].here
+    e.kept.contacts[contacts + 1] = s.finger[0].push
 
 
 @njit(**INNER)
@@ -284,12 +285,12 @@ def _take_back(coupling: int) -> None:
         e, s = end_at(c.line_end[line]), string_state(c.line_state[line])
         if e.counts[KEPT]:
             n = string_model(c.line_model[line]).modes
-            put(s.q, e.kept[0, :n])
-            put(s.v, e.kept[1, :n])
+            put(s.q, e.kept.modes[0, :n])
+            put(s.v, e.kept.modes[1, :n])
             contacts = e.leverage.size
-            put(s.force, e.kept_contacts[:contacts])
-            s.finger[0].here = e.kept_contacts[contacts]
-            s.finger[0].push = e.kept_contacts[contacts + 1]
+            put(s.force, e.kept.contacts[:contacts])
+            s.finger[0].here = e.kept.contacts[contacts]
+            s.finger[0].push = e.kept.contacts[contacts + 1]
 
 
 @njit(**INNER)
@@ -315,13 +316,13 @@ def _take_apart(coupling: int) -> None:
             n = e.counts[APART_MODES]
             _ensure_singles(e, n)
             whole = padded_single(n)
-            take(s.q, s.v, n, e.single_q[:whole], e.single_v[:whole])
+            take(s.q, s.v, n, e.single.q[:whole], e.single.v[:whole])
 
 
 @njit(**INNER)
 def _ensure_singles(e, n: int) -> None:
-    """End.single_flight, kick and pull are those of the first n modes of its flight."""
-    of, flight = e.single_of, e.flight
+    """End.single.flight, kick and pull are those of the first n modes of its flight."""
+    of, flight = e.single.of, e.flight
     last = n - 1
     same = of[0] == flight[ADV11, 0] and of[1] == flight[ADV12, 0] and of[2] == flight[ADV11, last]
     if same and of[3] == flight[ADV12, last] and of[4] == e.kick[last]:
@@ -329,9 +330,9 @@ def _ensure_singles(e, n: int) -> None:
     of[0], of[1], of[2], of[3] = flight[ADV11, 0], flight[ADV12, 0], flight[ADV11, last], flight[ADV12, last]
     of[4] = e.kick[last]
     whole = padded_single(n)
-    fill_single_rows(flight, n, e.single_flight)
-    round_into(e.kick, n, e.single_kick[:whole])
-    round_into(e.pull, n, e.single_pull[:whole])
+    fill_single_rows(flight, n, e.single.flight)
+    round_into(e.kick, n, e.single.kick[:whole])
+    round_into(e.pull, n, e.single.pull[:whole])
 
 
 @njit(**INNER)
@@ -340,7 +341,7 @@ def _give_back(coupling: int, line: int) -> None:
     c = coupling_at(coupling)
     if c.single:
         e, s = end_at(c.line_end[line]), string_state(c.line_state[line])
-        give_back(e.single_q, e.single_v, e.counts[APART_MODES], s.q, s.v)
+        give_back(e.single.q, e.single.v, e.counts[APART_MODES], s.q, s.v)
 
 
 @njit(**INNER)
@@ -358,14 +359,21 @@ def _look_apart(coupling: int, kicked: bool, single: bool) -> None:
         if kicked:
             if single:
                 kick_v(
-                    padded_single(n), e.single_flight, e.single_q, e.single_v, e.single_kick, e.kicks, e.single_pull, e.row
+                    padded_single(n),
+                    e.single.flight,
+                    e.single.q,
+                    e.single.v,
+                    e.single.kick,
+                    e.block.kicks,
+                    e.single.pull,
+                    e.block.row,
                 )
             else:
-                kick_v(padded(n), e.flight, s.q, s.v, e.kick, e.kicks, e.pull, e.row)
+                kick_v(padded(n), e.flight, s.q, s.v, e.kick, e.block.kicks, e.pull, e.block.row)
         elif single:
-            project_v(padded_single(n), e.single_flight, e.single_q, e.single_v, e.single_pull, e.row)
+            project_v(padded_single(n), e.single.flight, e.single.q, e.single.v, e.single.pull, e.block.row)
         else:
-            project_v(padded(n), e.flight, s.q, s.v, e.pull, e.row)
+            project_v(padded(n), e.flight, s.q, s.v, e.pull, e.block.row)
     _sum_apart(coupling)
 
 
@@ -380,7 +388,7 @@ def _sum_apart(coupling: int) -> None:
     for line in range(c.line_end.size):
         e = end_at(c.line_end[line])
         if not e.counts[ENGAGED]:
-            row, direction = e.row, c.direction[line]
+            row, direction = e.block.row, c.direction[line]
             for i in range(COMPONENTS):
                 share = direction[i]
                 if share != 0.0:
@@ -397,10 +405,10 @@ def _leave_apart(coupling: int) -> None:
         if not e.counts[ENGAGED]:
             n = e.counts[APART_MODES]
             if c.single:
-                kick(padded_single(n), e.single_flight, e.single_q, e.single_v, e.single_kick, e.kicks)
+                kick(padded_single(n), e.single.flight, e.single.q, e.single.v, e.single.kick, e.block.kicks)
                 _give_back(coupling, line)
             else:
-                kick(padded(n), e.flight, s.q, s.v, e.kick, e.kicks)
+                kick(padded(n), e.flight, s.q, s.v, e.kick, e.block.kicks)
 
 
 @njit(**INNER)
@@ -433,8 +441,8 @@ def _block(coupling: int, scratch: int, frames: int, at: int) -> int:
     touching = int(np.int64(0))
     for line in range(c.line_end.size):
         e = end_at(c.line_end[line])
-        e.pushed[0] = e.pushed[1] = 0.0
-        e.known[AHEAD] = 0
+        e.certificate.pushed[0] = e.certificate.pushed[1] = 0.0
+        e.block.known[AHEAD] = 0
         if e.counts[KIND] != FAR:
             touching += 1
             c.touching[touching] = line
@@ -454,10 +462,10 @@ def _block(coupling: int, scratch: int, frames: int, at: int) -> int:
                     if _looks_back(c, line):
                         note_gaps(coupling, line)
                     by_frames = e.counts[BY_FRAMES] != 0  # `_look_closer` has asked
-                    if e.known[CULLING] != NEVER and not by_frames and (number == 0 or e.known[LASTS] == 0):
+                    if e.block.known[CULLING] != NEVER and not by_frames and (number == 0 or e.block.known[LASTS] == 0):
                         cull(coupling, line, scratch, (frames - number) * c.steps[line])
-                    if e.known[LASTS] > 0:
-                        e.known[LASTS] -= BLOCK if frames > 1 else e.known[LASTS]
+                    if e.block.known[LASTS] > 0:
+                        e.block.known[LASTS] -= BLOCK if frames > 1 else e.block.known[LASTS]
                     speed, height = along(c, line, c.speed), along(c, line, c.beta)
                     dt = c.frame if by_frames else string_model(c.line_model[line]).dt
                     look_at_line(c.line_model[line], c.line_state[line], end, steps_of(c, e, line), dt, speed, height)
@@ -480,7 +488,7 @@ def _block(coupling: int, scratch: int, frames: int, at: int) -> int:
 @njit(inline="always")
 def _is_used_up(e) -> bool:
     """Whether a contact of a line was passed over that might have been touched: the block is gone through once more."""
-    return e.known[CULLING] != NEVER and e.known[LASTS] == USED_UP
+    return e.block.known[CULLING] != NEVER and e.block.known[LASTS] == USED_UP
 
 
 @njit(inline="always")
@@ -519,7 +527,7 @@ def _pulls(c, number: int) -> tuple[float, float, float]:
     for place in range(1, c.touching[0] + 1):
         line = c.touching[place]
         e = end_at(c.line_end[line])
-        more = e.row[_within(c, e, line, number)[1]]
+        more = e.block.row[_within(c, e, line, number)[1]]
         x += direction[line, 0] * more
         y += direction[line, 1] * more
         z += direction[line, 2] * more
@@ -591,7 +599,7 @@ def _settle(coupling: int, c, number: int, v, before, rest) -> None:
         back = _looks_back(c, line)
         steps = steps_of(c, e, line)
         settle_line(c.line_model[line], c.line_state[line], end, within, steps, of_line, back)
-        if e.known[CULLING] != NEVER:
+        if e.block.known[CULLING] != NEVER:
             spend_left(coupling, line, within * steps, of_line, along(c, line, small[V]))
         if e.counts[KIND] >= SINGLE and back:
             keep_gaps(c.line_state[line], end, (within + 1) * steps - 1)
@@ -629,7 +637,7 @@ def _bridge_speed(coupling: int, scratch: int, number: int, begin: int) -> int:
                 turn, steps, taken = along(c, line, turns), c.steps[line], steps_of(c, e, line)
                 first, at = _within(c, e, line, number)[1] * taken, (begin + number) * steps
                 if rubs(coupling, line):
-                    e.known[LINEAR] = 0
+                    e.block.known[LINEAR] = 0
                     force, slope, cross, mine, bad = answer_of_rubbed(
                         c.line_model[line], c.line_state[line], end, c.line_end[line - 1], c.friction[line], scratch, first,
                         steps, turn,
@@ -638,7 +646,8 @@ def _bridge_speed(coupling: int, scratch: int, number: int, begin: int) -> int:
                         for k in range(d):
                             c.jacobian[i, k] += c.direction[line, i] * c.direction[line - 1, k] * cross
                 elif iteration > 0 and follow_line(c.line_model[line], c.line_state[line], end, first, taken, turn):
-                    force, slope, mine, bad = e.answer[PUSHED], e.answer[STEEPNESS], e.known[PATTERN], SOLVED
+                    force, slope = e.block.answer[PUSHED], e.block.answer[STEEPNESS]
+                    mine, bad = e.block.known[PATTERN], SOLVED
                 else:
                     if e.counts[BY_FRAMES]:
                         force, slope = answer_by_frames(
@@ -649,10 +658,10 @@ def _bridge_speed(coupling: int, scratch: int, number: int, begin: int) -> int:
                         force, slope, mine, bad = answer_of_line(
                             c.line_model[line], c.line_state[line], end, scratch, first, at, steps, turn
                         )
-                    e.answer[TURNED], e.answer[PUSHED], e.answer[STEEPNESS] = turn, force, slope
+                    e.block.answer[TURNED], e.block.answer[PUSHED], e.block.answer[STEEPNESS] = turn, force, slope
                 status = max(status, bad)
-                same = same and mine == e.known[PATTERN]
-                e.known[PATTERN] = mine
+                same = same and mine == e.block.known[PATTERN]
+                e.block.known[PATTERN] = mine
                 if force != 0.0 or slope != 0.0:
                     acts = True
                     for i in range(d):
@@ -689,5 +698,5 @@ def _bridge_speed(coupling: int, scratch: int, number: int, begin: int) -> int:
     for line in range(c.line_end.size):
         e = end_at(c.line_end[line])
         if e.counts[KIND] >= SINGLE:
-            fill_those(c.line_model[line], c.line_state[line], scratch, e.near, e.counts[NEAR])
+            fill_those(c.line_model[line], c.line_state[line], scratch, e.block.near, e.counts[NEAR])
     return hold_forces(coupling, number, begin, small[V_FREE], v, contact)

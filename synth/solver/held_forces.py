@@ -53,12 +53,12 @@ def _lay_out(c, v0, number: int, begin: int, fingers: int, count: int) -> int:
         if c.friction[line] > 0.0 and not fingers:  # none in such a frame
             for i in range(e.counts[NEAR]):
                 for t in range(steps):
-                    e.forces[i, first + t] = 0.0
+                    e.block.forces[i, first + t] = 0.0
             continue
         for i in range(1 if fingers else e.counts[NEAR]):
-            row = e.u[contacts] if fingers else e.u[i]
-            moved = e.finger_moved[0] if fingers else e.moved[e.near[i]]
-            reach = e.finger_reach[0] if fingers else e.reach[e.near[i]]
+            row = e.block.u[contacts] if fingers else e.block.u[i]
+            moved = e.responses.finger_moved[0] if fingers else e.responses.moved[e.block.near[i]]
+            reach = e.responses.finger_reach[0] if fingers else e.responses.reach[e.block.near[i]]
             gap = row[first + steps - 1] + moved[BLOCK + steps - 1] * turn
             if fingers:
                 finger = s.finger[0]
@@ -70,10 +70,10 @@ def _lay_out(c, v0, number: int, begin: int, fingers: int, count: int) -> int:
             for t in range(steps):
                 drawn += reach[t]
             if not fingers and m.layers.shape[1] > 0:  # two rows: the layer, numbered backwards, and the stop behind it
-                depth = m.layers[DEPTH, e.near[i]]
+                depth = m.layers[DEPTH, e.block.near[i]]
                 if depth > 0.0:
-                    a, kept = _middle(m, e.near[i], frame)
-                    sunk = min(depth, max(0.0, -s.u[e.near[i]]))
+                    a, kept = _middle(m, e.block.near[i], frame)
+                    sunk = min(depth, max(0.0, -s.u[e.block.near[i]]))
                     count = _add_row(c, count, line, -1 - i, drawn, gap - kept / a * sunk)
                 gap += depth
             count = _add_row(c, count, line, i, drawn, gap)
@@ -103,7 +103,7 @@ def _place(number: int) -> int:
 
 @njit(cache=True, nogil=True)
 def hold_forces(coupling: int, number: int, begin: int, v0, v, force) -> int:
-    """Forces of a frame, the same in each of its steps, into the lines' End.forces; a status of `lcp`.
+    """Forces of a frame, the same in each of its steps, into the lines' End.block.forces; a status of `lcp`.
 
     number, begin: of the frame in its block, of the block's first frame in the call; v0 (D,) speed of the bridge without any
     force here, v (D,) out: with them, force (D,) out: their mean on the bridge.
@@ -126,11 +126,11 @@ def hold_forces(coupling: int, number: int, begin: int, v0, v, force) -> int:
             total *= g[i] * g[k]
             if lines[k] == line:
                 if i < contacts:
-                    total += _sum_of(m.lags[e.near[_place(numbers[i])], e.near[_place(numbers[k])]], steps)
+                    total += _sum_of(m.lags[e.block.near[_place(numbers[i])], e.block.near[_place(numbers[k])]], steps)
                     if k == i and numbers[i] < 0:
-                        total += 1.0 / _middle(m, e.near[_place(numbers[i])], c.frame)[0]
+                        total += 1.0 / _middle(m, e.block.near[_place(numbers[i])], c.frame)[0]
                 elif k < contacts:
-                    total += _sum_of(s.grip.contacts[e.near[_place(numbers[k])]], steps)
+                    total += _sum_of(s.grip.contacts[e.block.near[_place(numbers[k])]], steps)
                 else:
                     finger = s.finger[0]
                     total += _sum_of(s.grip.own[0], steps)
@@ -168,7 +168,7 @@ def hold_forces(coupling: int, number: int, begin: int, v0, v, force) -> int:
         first = number % (BLOCK // steps) * steps
         behind_layer = i < contacts and i > 0 and lines[i - 1] == lines[i] and numbers[i - 1] == -1 - row
         for t in range(steps):
-            e.forces[row, first + t] = z[i] + (z[i - 1] if behind_layer else 0.0)
+            e.block.forces[row, first + t] = z[i] + (z[i - 1] if behind_layer else 0.0)
         for k in range(d):
             force[k] += c.direction[lines[i], k] * g[i] * z[i]
     for i in range(d):

@@ -30,7 +30,7 @@ def note_gaps(coupling: int, line: int) -> None:
     m, s, e = string_model(c.line_model[line]), string_state(c.line_state[line]), end_at(c.line_end[line])
     height, contacts, n = along(c, line, c.beta), m.shapes.shape[0], m.modes
     for k in range(contacts):
-        if e.clearance[k] <= 0.0:
+        if e.certificate.clearance[k] <= 0.0:
             here = dot(m.shapes[k, :n], s.q[:n]) + e.leverage[k] * height - s.eta[k]
             for d in range(contacts):
                 here += m.residual[k, d] * s.force[d]
@@ -42,7 +42,7 @@ def keep_gaps(state: int, end: int, last: int) -> None:
     """Gaps of soft contacts and of those that rub once a frame is decided whose last step is number `last` of the block."""
     s, e = string_state(state), end_at(end)
     for i in range(e.counts[NEAR]):
-        s.u[e.near[i]] = e.u[i, last]
+        s.u[e.block.near[i]] = e.block.u[i, last]
 
 
 @njit(**INNER)
@@ -51,12 +51,13 @@ def answer_of_soft_line(
 ) -> tuple[float, float, int, int]:
     """`line_forces.answer_of_line` of a line whose contacts have layers."""
     m, s, e, w = string_model(model), string_state(state), end_at(end), scratch_of(scratch)
-    several, near, dt, layers = e.counts[NEAR], e.near, m.dt, m.layers
-    gaps, moves, forces, slopes = w.rows.u, w.rows.forces, e.forces, e.slopes
+    several, near, dt, layers = e.counts[NEAR], e.block.near, m.dt, m.layers
+    gaps, moves, forces, slopes = w.rows.u, w.rows.forces, e.block.forces, e.block.slopes
     grip, fingered = s.grip.contacts, s.finger[0].on != 0
     begin_rows(m, s, e, w, first, steps, turn)
     rows = 2 * several
-    twice, one = w.pivot.matrix[: rows * rows].reshape(rows, rows), e.matrix[: several * several].reshape(several, several)
+    twice = w.pivot.matrix[: rows * rows].reshape(rows, rows)
+    one = e.block.matrix[: several * several].reshape(several, several)
     enabled, active, z, b, change = w.pivot.enabled[:rows], w.pivot.active[:rows], w.z[:rows], w.pivot.b[:rows], w.y[:rows]
     for i in range(several):
         depth = layers[DEPTH, near[i]]

@@ -54,25 +54,25 @@ def set_apart_modes(end: int) -> None:
 
 @njit(cache=True, nogil=True, fastmath=FAST)
 def fill_apart(end: int, scratch_q, scratch_v, spare) -> None:
-    """End.own and share of a line that is not looked at, from End.kick, pull and the first APART_MODES modes of flight.
-    Work space (≥n,) and (2, K)."""
+    """End.responses.own and share of a line that is not looked at, from End.kick, pull and the first APART_MODES modes of
+    flight. Work space (≥n,) and (2, K)."""
     e = end_at(end)
     moving = e.counts[APART_MODES]
     _fill_own(e, APART, moving, scratch_q[: padded(moving)], scratch_v[: padded(moving)], spare)
-    e.single_of[0] = np.nan  # what is float32 is to be made anew
+    e.single.of[0] = np.nan  # what is float32 is to be made anew
 
 
 @njit(inline="always")
 def _fill_own(e, kind: int, moving: int, q, v, spare) -> None:
-    """A row of End.own and share, from End.kick, pull and the first `moving` modes of flight. Work space (≥ moving,)."""
+    """A row of End.responses.own and share, of the first `moving` modes of flight. Work space (≥ moving,)."""
     zero, one = int(np.int64(0)), int(np.int64(1))
     share = 0.0
     for j in range(q.size):
         q[j] = e.flight[P12, j] * e.kick[j] if j < moving else 0.0
         v[j] = e.flight[P22, j] * e.kick[j] if j < moving else 0.0
         share += e.kick[j] * e.kick[j] if j < moving else 0.0
-    e.share[kind] = share
-    fill_response(one, e.flight, q, v, e.pull.reshape(1, e.pull.size), zero, spare, e.own[kind : kind + 1])
+    e.responses.share[kind] = share
+    fill_response(one, e.flight, q, v, e.pull.reshape(1, e.pull.size), zero, spare, e.responses.own[kind : kind + 1])
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
@@ -89,18 +89,19 @@ def fill_looked_at(model: int, end: int, steps: int, scratch_q, scratch_v, spare
         for j in range(n):
             q[j] = rows[P12, j] * kick[j]
             v[j] = rows[P22, j] * kick[j]
-        fill_response(zero, rows, q, v, m.shapes, zero, spare, e.moved)
+        fill_response(zero, rows, q, v, m.shapes, zero, spare, e.responses.moved)
         none = m.matrix.reshape(-1)[:0].reshape(0, 0)
-        fill_lags(one, rows, m.shapes, pull, none, q, v, spare, e.pulled)
+        fill_lags(one, rows, m.shapes, pull, none, q, v, spare, e.block.pulled)
+        to = e.responses
         for c in range(contacts):
-            _fill_reach(steps, m.dt, e.leverage[c], e.pulled[0, c], e.moved[c], e.reach[c], e.drawn[c])
+            _fill_reach(steps, m.dt, e.leverage[c], e.block.pulled[0, c], to.moved[c], to.reach[c], to.drawn[c])
         after = scratch_q[: m.modes]  # extents after a unit push
         extents(m.omega[: m.modes], rows[KQ], rows[KV], after)
         for c in range(contacts):
             own = 0.0
             for j in range(m.modes):
                 own += m.shapes[c, j] * m.shapes[c, j] * after[j]
-            e.stirred[c] = np.sqrt(MARGIN * own)
+            e.certificate.stirred[c] = np.sqrt(MARGIN * own)
 
 
 @njit(**INNER)
@@ -133,15 +134,16 @@ def _fill_finger_end(rows, n: int, dt: float, model: int, state: int, end: int, 
     for j in range(n):
         q[j] = rows[P12, j] * e.kick[j]
         v[j] = rows[P22, j] * e.kick[j]
-    fill_response(zero, rows, q, v, finger, zero, spare, e.finger_moved)
+    fill_response(zero, rows, q, v, finger, zero, spare, e.responses.finger_moved)
     for j in range(n):
         q[j] = rows[4, j] * finger[0, j]
         v[j] = rows[5, j] * finger[0, j]
     contacts = m.shapes.shape[0]
-    pulled = e.pulled[0, contacts:]
+    pulled = e.block.pulled[0, contacts:]
     fill_response(one, rows, q, v, e.pull[:n].reshape(1, n), zero, spare, pulled)
     lever = e.numbers[FINGER_LEVERAGE]
-    _fill_reach(steps, dt, lever, pulled[0], e.finger_moved[0], e.finger_reach[0], e.finger_drawn[0])
+    to = e.responses
+    _fill_reach(steps, dt, lever, pulled[0], to.finger_moved[0], to.finger_reach[0], to.finger_drawn[0])
 
 
 @njit(cache=True, nogil=True)
@@ -222,9 +224,9 @@ def go_by_frames(coupling: int, line: int, scratch: int) -> bool:
     finger_at.here += residual * finger_at.push
     _rest_above(c, line)
     # what it does to its end is that of a line that is apart, and what it does in its own steps waits
-    e.share[LOOKED_AT] = e.share[APART]
+    e.responses.share[LOOKED_AT] = e.responses.share[APART]
     for k in range(2 * BLOCK):
-        e.own[LOOKED_AT, k] = e.own[APART, k]
+        e.responses.own[LOOKED_AT, k] = e.responses.own[APART, k]
     if e.counts[DUE] == READY:
         e.counts[DUE] = TABLES_DUE
     n = padded(moving_modes(m, e))
