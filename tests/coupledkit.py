@@ -107,9 +107,9 @@ class Kernel:
         for line, (state, end) in enumerate(zip(self.states, self.ends, strict=True)):
             n = w[line].stop - w[line].start
             x[w[line]] = state.q[:n]
-            x[rates[line]] = state.v[:n] - end.kick[:n] * (self.coupling.direction[line] @ self.coupling.speed)
+            x[rates[line]] = state.v[:n] - end.kick[:n] * (self.coupling.lines.direction[line] @ self.coupling.bridge.speed)
         modes = len(self.system.body.modes)
-        x[p], x[v] = self.coupling.p[:modes], self.coupling.p_speed[:modes]
+        x[p], x[v] = self.coupling.body.motion.p[:modes], self.coupling.body.motion.speed[:modes]
         return x
 
     @property
@@ -126,7 +126,7 @@ class Kernel:
         for end, mine in zip(self.ends, self.mine, strict=True):
             if end.counts[coupling.KIND] >= coupling.SINGLE:
                 for i in range(end.counts[coupling.NEAR]):
-                    out[:, mine[end.near[i]]] = end.forces[i, :steps]
+                    out[:, mine[end.block.near[i]]] = end.block.forces[i, :steps]
         return out
 
     @property

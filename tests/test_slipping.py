@@ -255,7 +255,7 @@ def test_the_engine_s_stroke_is_that_of_a_case(tmp_path: Path) -> None:
         "stiffness_n_m": float(finger["stiffness"]), "resistance_n_s_m": float(finger["resistance"]),
     }  # fmt: skip
     run = {"internal_rate_hz": rate, "modes": n, "outputs_m": [0.1]}
-    weights, most = string.finger_weights[:n].copy(), int(way["finger_steps"]) + 600
+    weights, most = string.grip.weights[:n].copy(), int(way["finger_steps"]) + 600
     phases = set()
     while steps < most:
         play(made, [], QUANTUM, QUANTUM)

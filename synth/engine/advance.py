@@ -358,8 +358,8 @@ def _silence(core: int, s: int, start: int) -> None:
     string.u[:] = 0.0
     string.v_contact[:] = 0.0
     string.force[:] = 0.0
-    string.margin[:] = 0.0
-    string.bounds[:] = 0.0
+    string.certificates.margin[:] = 0.0
+    string.certificates.bounds[:] = 0.0
     string.finger[0].here = 0.0
     string.finger[0].push = 0.0
     motion.base = motion.rest
@@ -426,8 +426,8 @@ def _check(core: int, thread: int, s: int) -> None:
     plain, model = string_model(shared_of(core).model_at[hand.model, PLAIN]), model_of(core, s)
     n = string.counts[MOVING]
     q, v = string.q[:n], string.v[:n]
-    rest_state(core, thread, s, scratch.q)
-    voice.level = constants.output_bound * _energy_norm(plain.omega[:n], q, v, scratch.q[:n])
+    rest_state(core, thread, s, scratch.modes.q)
+    voice.level = constants.output_bound * _energy_norm(plain.omega[:n], q, v, scratch.modes.q[:n])
     if model.points == model.on_q:
         voice.level += abs(motion.base - motion.rest)
     if voice.level < SLEEP_BELOW and not fixed.of_first and may_sleep(core, s):
@@ -449,9 +449,9 @@ def _check(core: int, thread: int, s: int) -> None:
         return
     if string.counts[FREE] == 0 and model.eta.size == 1 and _is_in_reach(core, s):
         return  # touched again and again, and all modes with it
-    omega, sigma = model.omega[:n], scratch.sigma[:n]
+    omega, sigma = model.omega[:n], scratch.modes.sigma[:n]
     fill_sigma(core, thread, s, n)
-    amplitude = scratch.amplitude
+    amplitude = scratch.modes.amplitude
     if not string.counts[FREE]:  # what is certain to be out of reach stays so until something touches the string
         string.counts[FREE] = 1 if _nothing_in_reach(core, thread, s) else 0
         if string.counts[FREE] == 0 and model.eta.size == 1:
@@ -535,19 +535,19 @@ def _is_in_reach(core: int, s: int) -> bool:
 
 @njit(**CORE)
 def _nothing_in_reach(core: int, thread: int, s: int) -> bool:
-    """Whether free flight, with Scratch.sigma, touches no contact any more."""
+    """Whether free flight, with Scratch.modes.sigma, touches no contact any more."""
     scratch, string, model = scratch_of(thread), string_of(core, s), model_of(core, s)
     n, contacts = string.counts[MOVING], model.eta.size
     board = shared_of(core).board_at[hand_of(core, s).model]
     if board != 0:
-        amplitudes(model.omega[:n], scratch.sigma[:n], string.q[:n], string.v[:n], scratch.amplitude[:n])
-        return clear_of_board(board, scratch.amplitude[:n])
+        amplitudes(model.omega[:n], scratch.modes.sigma[:n], string.q[:n], string.v[:n], scratch.modes.amplitude[:n])
+        return clear_of_board(board, scratch.modes.amplitude[:n])
     for k in range(contacts):
         if string.eta[k] >= 0.0 or string.force[k] > 0.0:  # where it pressed just now it is, and can be again
             return False
-    amplitude = scratch.amplitude[:n]
+    amplitude = scratch.modes.amplitude[:n]
     if contacts:
-        amplitudes(model.omega[:n], scratch.sigma[:n], string.q[:n], string.v[:n], amplitude)
+        amplitudes(model.omega[:n], scratch.modes.sigma[:n], string.q[:n], string.v[:n], amplitude)
     for k in range(contacts):
         if reach(model.shapes[k], amplitude) >= -0.999 * string.eta[k]:
             return False

@@ -94,9 +94,9 @@ def alter_steps(core: int, thread: int, s: int) -> None:
     _bend(core, s, n)
     bend_ratio = 2.0 ** (expression.bend / 12.0)
     for j in range(n):
-        scratch.sigma[j] = damping(plain.sigma[j], expression.hand, omega[j] * dt)
+        scratch.modes.sigma[j] = damping(plain.sigma[j], expression.hand, omega[j] * dt)
     relief = 1.0 / (bend_ratio * bend_ratio) - 1.0
-    fill_step(model_address(core, s), scratch.sigma)
+    fill_step(model_address(core, s), scratch.modes.sigma)
     if c == 0:
         return
     rows, matrix = own.rows, own.matrix
@@ -104,7 +104,7 @@ def alter_steps(core: int, thread: int, s: int) -> None:
         put_off_rows(model_address(core, s), shared_of(core).string_at[s], relief)
         return
     fill_contact_matrix(model_address(core, s), relief)
-    q, v, spare = scratch.q[:cap], scratch.v[:cap], scratch.spare
+    q, v, spare = scratch.modes.q[:cap], scratch.modes.v[:cap], scratch.rows.spare
     fill_lags(0 if plain.law == EXACT_HOLD else 1, rows, plain.shapes, plain.shapes, matrix, q, v, spare, own.lags)
     none = matrix.reshape(-1)[:0].reshape(0, 0)
     for k in range(plain.first, plain.first + plain.points):  # output 0 is on displacements, 1 on velocities
@@ -113,10 +113,10 @@ def alter_steps(core: int, thread: int, s: int) -> None:
 
 @njit(**CORE)
 def fill_sigma(core: int, thread: int, s: int, n: int) -> None:
-    """Scratch.sigma of the first n modes of a string, with the frequencies that it has: under its hand, and where a bend
-    takes them too high."""
+    """Scratch.modes.sigma of the first n modes of a string, with the frequencies that it has: under its hand, and where a
+    bend takes them too high."""
     hand, expression = hand_of(core, s), expression_of(core, s)
-    sigma, omega = scratch_of(thread).sigma, model_of(core, s).omega
+    sigma, omega = scratch_of(thread).modes.sigma, model_of(core, s).omega
     plain = string_model(shared_of(core).model_at[hand.model, PLAIN])
     for j in range(n):
         sigma[j] = damping(plain.sigma[j], expression.hand, omega[j] * plain.dt if expression.bend != 0.0 else 0.0)
@@ -132,7 +132,7 @@ def alter_flight(core: int, thread: int, s: int) -> None:
         n = min(n, string_of(core, s).counts[MOVING])
     fill_sigma(core, thread, s, n)
     rows[:6, n : padded(n)] = 0.0
-    quick_coefficients(EXACT_HOLD, omega[:n], scratch_of(thread).sigma[:n], flight.mu, flight.dt, rows)
+    quick_coefficients(EXACT_HOLD, omega[:n], scratch_of(thread).modes.sigma[:n], flight.mu, flight.dt, rows)
     complete_rows(rows, padded(n))
 
 

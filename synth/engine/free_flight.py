@@ -61,7 +61,7 @@ def take_off(core: int, thread: int, s: int) -> None:
     _keep_fade(core, thread, s, 1.0)
     for j in range(audible, string.counts[MOVING]):
         if is_held(hand):  # what lies on it finds it as it is without them
-            string.finger[0].here -= string.finger_weights[j] * string.q[j]
+            string.finger[0].here -= string.grip.weights[j] * string.q[j]
         string.q[j] = 0.0
         string.v[j] = 0.0
     string.counts[MOVING] = min(string.counts[MOVING], audible)
@@ -103,7 +103,7 @@ def _keep_fade(core: int, thread: int, s: int, sign: float) -> None:
         for k in range(left):
             kept[k] = kept[first + k]
         kept[left:] = 0.0
-        q, v = scratch.q[: model.omega.size], scratch.v[: model.omega.size]
+        q, v = scratch.modes.q[: model.omega.size], scratch.modes.v[: model.omega.size]
         q[:] = 0.0
         v[:] = 0.0
         for j in range(n):

@@ -49,7 +49,7 @@ def _take_hold(
     string.counts[CERTAIN] = 0
     x = model.length - distance
     scale = math.sqrt(2.0 / model.length)
-    weights, finger = string.finger_weights, string.finger[0]
+    weights, finger = string.grip.weights, string.finger[0]
     for j in range(n):
         k = (j + 1) * math.pi / model.length
         kappa = 0.25 * k * width

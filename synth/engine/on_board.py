@@ -93,9 +93,9 @@ def stop_on_board(core: int, thread: int, s: int) -> None:
     if expression.bend != 0.0:
         _listen(address, speaking, n)
     for j in range(n):
-        scratch.sigma[j] = plain.sigma[j]
+        scratch.modes.sigma[j] = plain.sigma[j]
     if motion.altered == 0:
-        fill_slack(address, plain.omega[:n], scratch.sigma[:n], plain.mu, dt)
+        fill_slack(address, plain.omega[:n], scratch.modes.sigma[:n], plain.mu, dt)
         return
     omega = own.omega
     omega[n:] = 1.0  # divided by
@@ -108,12 +108,12 @@ def stop_on_board(core: int, thread: int, s: int) -> None:
             omega[j] = plain.omega[j]
     for j in range(n):
         w = omega[j]
-        scratch.sigma[j] = damping(plain.sigma[j], expression.hand, w * dt if w > plain.omega[j] else 0.0)
+        scratch.modes.sigma[j] = damping(plain.sigma[j], expression.hand, w * dt if w > plain.omega[j] else 0.0)
     rows = own.rows
     rows[:6, n:] = 0.0
-    quick_coefficients(EXACT_HOLD, omega[:n], scratch.sigma[:n], plain.mu, dt, rows)
+    quick_coefficients(EXACT_HOLD, omega[:n], scratch.modes.sigma[:n], plain.mu, dt, rows)
     fill_rows(rows)
-    fill_slack(address, omega[:n], scratch.sigma[:n], plain.mu, dt)
+    fill_slack(address, omega[:n], scratch.modes.sigma[:n], plain.mu, dt)
 
 
 @njit(**CORE)

@@ -93,7 +93,7 @@ def take_off_pressed(core: int, thread: int, s: int) -> bool:
     own, _, slopes, rest, follows, modes = _numbers(core, s)
     scratch, flight, n = scratch_of(thread), flight_of(core, s), rest.size
     b, speed = bridge_under(core, s)
-    away, rate = scratch.moved[0, :n], scratch.moved[1, :n]
+    away, rate = scratch.modes.moved[0, :n], scratch.modes.moved[1, :n]
     for j in range(n):
         away[j] = string.q[j] - rest[j] - follows[j] * b
         rate[j] = string.v[j] - follows[j] * speed
@@ -104,14 +104,14 @@ def take_off_pressed(core: int, thread: int, s: int) -> bool:
         least -= abs(slopes[k]) * math.sqrt(z * z + swing * swing)
         if least <= 0.0:
             return False
-        scratch.q[k], scratch.v[k] = z, moves
+        scratch.modes.q[k], scratch.modes.v[k] = z, moves
     plain = string_model(shared_of(core).model_at[hand.model, PLAIN])
     weights = plain.weights[0, : bank_of(core).models[hand.model].audible]
-    if _left_out(weights, plain.omega, modes, scratch.q[:m], scratch.v[:m], away, rate) > LEFT_OUT_BELOW:
+    if _left_out(weights, plain.omega, modes, scratch.modes.q[:m], scratch.modes.v[:m], away, rate) > LEFT_OUT_BELOW:
         return False
     for j in range(string.q.size):
-        string.q[j] = scratch.q[j] if j < m else 0.0
-        string.v[j] = scratch.v[j] if j < m else 0.0
+        string.q[j] = scratch.modes.q[j] if j < m else 0.0
+        string.v[j] = scratch.modes.v[j] if j < m else 0.0
     string.counts[MOVING] = m
     motion.flying = FLYING
     _fly_apart(core, thread, s)
@@ -151,7 +151,7 @@ def _fly_apart(core: int, thread: int, s: int) -> None:
         for j in range(padded(m)):
             end.flight[row, j] = flight.rows[row, j]
     complete_rows(end.flight, padded(m))
-    fill_apart(shared.end_at[s], scratch.q, scratch.v, scratch.spare)
+    fill_apart(shared.end_at[s], scratch.modes.q, scratch.modes.v, scratch.rows.spare)
 
 
 @njit(**CORE)
@@ -159,7 +159,7 @@ def presses_on(core: int, thread: int, s: int) -> bool:
     """Whether a string in flight is certain to press for a while."""
     own, _, slopes, _, _, _ = _numbers(core, s)
     flight, string, m = flight_of(core, s), string_of(core, s), slopes.size
-    extent = scratch_of(thread).amplitude[:m]
+    extent = scratch_of(thread).modes.amplitude[:m]
     extents(flight.omega[:m], string.q[:m], string.v[:m], extent)
     return reach(slopes, extent) + abs(own[3] * bridge_under(core, s)[0]) < LEAVE * own[2]
 
@@ -188,10 +188,10 @@ def stand(core: int, thread: int, s: int) -> None:
     if motion.flying == LANDED:
         return
     scratch, string, n = scratch_of(thread), string_of(core, s), bank_of(core).models[hand_of(core, s).model].n
-    standing_motion(core, s, scratch.q[:n], scratch.v[:n])
+    standing_motion(core, s, scratch.modes.q[:n], scratch.modes.v[:n])
     for j in range(n):
-        string.q[j] = scratch.q[j]
-        string.v[j] = scratch.v[j]
+        string.q[j] = scratch.modes.q[j]
+        string.v[j] = scratch.modes.v[j]
     string.counts[MOVING] = n
     motion.flying = LANDED
     motion.stale = 1

@@ -86,12 +86,12 @@ def wake(core: int, thread: int, s: int, model_index: int) -> None:
     expression.height = height_of(core, s, state.part_state[fixed.part].height)
     set_rest(core, thread, s)
     motion.base = motion.rest
-    rest_state(core, thread, s, scratch.q)
+    rest_state(core, thread, s, scratch.modes.q)
     if on_bridge(core, s):
         look_everywhere(shared_of(core).end_at[s])
         end_at(shared_of(core).end_at[s]).counts[RESTING] = 1
     for j in range(string.q.size):
-        string.q[j] = scratch.q[j] if j < n else 0.0
+        string.q[j] = scratch.modes.q[j] if j < n else 0.0
         string.v[j] = 0.0
     motion.stale = 1
 
@@ -235,8 +235,8 @@ def _change_model(core: int, thread: int, s: int, target: int) -> None:
         n_old -= 1
     q, v = string.q[:n_old], string.v[:n_old]
     scale = 2.0 / math.sqrt(l_old * l_new)
-    a, ends, signs = scratch.moved[0, :n_new], scratch.moved[1, :n_new], scratch.moved[2, :n_new]
-    factors, q_sum, v_sum = scratch.amplitude[:n_old], scratch.q[:n_new], scratch.v[:n_new]
+    a, ends, signs = scratch.modes.moved[0, :n_new], scratch.modes.moved[1, :n_new], scratch.modes.moved[2, :n_new]
+    factors, q_sum, v_sum = scratch.modes.amplitude[:n_old], scratch.modes.q[:n_new], scratch.modes.v[:n_new]
     for i in range(n_new):
         a[i] = (i + 1) * math.pi / l_new
         signs[i] = 1.0 if i % 2 == 0 else -1.0
@@ -273,8 +273,8 @@ def _change_model(core: int, thread: int, s: int, target: int) -> None:
             q_sum[i] = scale * q_sum[i] + math.sqrt(2.0 / l_new) * corner
             v_sum[i] = scale * v_sum[i]
     for j in range(string.q.size):
-        string.q[j] = scratch.q[j] if j < n_new else 0.0
-        string.v[j] = scratch.v[j] if j < n_new else 0.0
+        string.q[j] = scratch.modes.q[j] if j < n_new else 0.0
+        string.v[j] = scratch.modes.v[j] if j < n_new else 0.0
     hand.model = target
     expression.bend -= expression.slide + expression.pull
     expression.slide = expression.pull = voice.pull_to = 0.0

@@ -88,7 +88,7 @@ def taped_together(core: int, thread: int, i: int, _: int) -> None:
         played, line_end = string_of(core, s), end_at(shared.end_at[s])
         contacts = bank.models[hand_of(core, s).model].contacts
         if motion_of(core, s).flying:  # its force is not that of its last step
-            standing_motion(core, s, scratch_of(thread).q, scratch_of(thread).v)
+            standing_motion(core, s, scratch_of(thread).modes.q, scratch_of(thread).modes.v)
         for k in range(contacts):
             tape.running[0, k] = max(tape.running[0, k], played.force[k])
             tape.running[1, k] += played.force[k] * count * coupling.frame
@@ -107,11 +107,11 @@ def taped_together(core: int, thread: int, i: int, _: int) -> None:
                 q[j] = string.q[j] if j < model.n else 0.0
                 v[j] = string.v[j] if j < model.n else 0.0
         for j in range(tape.p.shape[1]):
-            tape.p[shot, j] = coupling.p[j]
-            tape.p_speed[shot, j] = coupling.p_speed[j]
+            tape.p[shot, j] = coupling.body.motion.p[j]
+            tape.p_speed[shot, j] = coupling.body.motion.speed[j]
         for j in range(tape.bridge.shape[1]):
-            tape.bridge[shot, j] = coupling.beta[j]
-            tape.speed[shot, j] = coupling.speed[j]
+            tape.bridge[shot, j] = coupling.bridge.beta[j]
+            tape.speed[shot, j] = coupling.bridge.speed[j]
         for k in range(tape.running.shape[1]):
             tape.force[shot, k] = tape.running[0, k]
             tape.impulse[shot, k] = tape.running[1, k]

@@ -8,13 +8,13 @@
     work = allocate(Work, {"modes": 64, "contacts": 3}, steps=8)
 
 An extent is a sum of products of numbers and named sizes. By the declaration memory is made here, `views` finds each array
-behind an address, and what is not as it says is refused.
+behind an address, and what is not as it says is refused. A field may be such a NamedTuple itself.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from typing import Any, Generic, NamedTuple, TypeVar, get_type_hints
 
@@ -60,25 +60,55 @@ def u1(shape: str) -> Field:
 
 
 @cache
+def records(kind: Any) -> dict[str, Any]:
+    """Fields of a NamedTuple that are NamedTuples themselves."""
+    return {name: hint for name, hint in get_type_hints(kind).items() if hasattr(hint, "_fields")}
+
+
+@cache
 def fields(kind: Any) -> dict[str, Field]:
-    """The fields of a NamedTuple, in their order."""
-    out = {}
+    """Arrays and numbers of a NamedTuple, in their order; those of a record in it by its name and theirs: `contacts.eta`."""
+    out: dict[str, Field] = {}
     for name, hint in get_type_hints(kind, include_extras=True).items():
-        declared = getattr(hint, "__metadata__", None)
-        out[name] = declared[0] if declared else Field(np.dtype(hint), ())
+        if name in records(kind):
+            out |= {f"{name}.{inner}": field for inner, field in fields(hint).items()}
+        else:
+            declared = getattr(hint, "__metadata__", None)
+            out[name] = declared[0] if declared else Field(np.dtype(hint), ())
     return out
+
+
+def values(part: Any) -> Iterator[Any]:
+    """What `fields` of a NamedTuple are, in their order."""
+    for each in part:
+        if isinstance(each, tuple):
+            yield from values(each)
+        else:
+            yield each
+
+
+def arrays_of(part: Any) -> dict[str, np.ndarray]:
+    """The arrays of a NamedTuple by the names of `fields`."""
+    kind: Any = type(part)
+    named = zip(fields(kind), values(part), strict=True)
+    return {name: value for name, value in named if isinstance(value, np.ndarray)}
 
 
 def allocate(kind: type[Kind], sizes: Mapping[str, int], **given: Any) -> Kind:
     """A `kind` of zeros with the extents that `sizes` names, but for what is given.
 
-    Numbers have to be given. Raises TypeError for a field that is missing, unknown or of another element type, ValueError
-    for an array whose shape is not the declared one and for an extent that `sizes` does not name.
+    Numbers have to be given, and records that hold some; a record is taken as it is. Raises TypeError for a field that is
+    missing, unknown or of another element type, ValueError for an array whose shape is not the declared one and for an
+    extent that `sizes` does not name.
     """
-    known = fields(kind)
-    if unknown := sorted(given.keys() - known.keys()):
+    known, inner = fields(kind), records(kind)
+    if unknown := sorted(given.keys() - known.keys() - inner.keys()):
         raise TypeError(f"{kind.__name__} has no field {unknown[0]}")
+    for name in inner.keys() - given.keys():
+        given[name] = allocate(inner[name], sizes)
     for name, field in known.items():
+        if "." in name:
+            continue
         if name not in given:
             if not field.shape:
                 raise TypeError(f"{kind.__name__}.{name} is a number, which must be given")
@@ -151,6 +181,12 @@ def _products(symbols: str) -> tuple[tuple[int, tuple[str, ...]], ...]:
     )
 
 
+def _assembled(kind: type[Kind], pieces: Iterator[Any]) -> Kind:
+    """A NamedTuple of what `fields` are."""
+    inner = records(kind)
+    return kind(*(_assembled(inner[name], pieces) if name in inner else next(pieces) for name in get_type_hints(kind)))
+
+
 class Pool(Generic[Kind]):
     """Many of a kind, each of sizes of its own: of every field one array, on which those of the items lie side by side.
 
@@ -179,4 +215,4 @@ class Pool(Generic[Kind]):
         for name, places in self._places.items():
             at, extents = places[i]
             pieces[name] = flat[name][at : at + math.prod(extents)].reshape(extents)
-        return self._kind(**pieces)
+        return _assembled(self._kind, iter(pieces.values()))

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numba.extending import intrinsic as _intrinsic
 
-from synth.native.arrays import fields
+from synth.native.arrays import fields, records
 from synth.native.debugging import INTERPRETED
 
 #: what `register` has numbered
@@ -89,6 +89,8 @@ class TableFields:
         self._address = int(address)
 
     def __getattr__(self, name: str) -> Any:
+        if name in records(self._opened.kind):
+            return TableFields(self._opened.member(name), self._address)
         if name not in (known := fields(self._opened.kind)):
             raise AttributeError(name)
         dtype, extents = known[name]

@@ -7,7 +7,8 @@ Instead it takes the address of a table of pointers and sizes and opens what it 
     …
     work = work_of(address)     # in compiled code: work.q, work.steps
 
-Only what is used is ever loaded. The tables own nothing: who makes one keeps it and the arrays alive, and in place.
+Only what is used is ever loaded. A record within a record stands in the table of that one: `work.string.q` is one load, as
+`work.q`. The tables own nothing: who makes one keeps it and the arrays alive, and in place.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from numba.extending import infer_getattr, models, register_model
 from numba.np.arrayobj import make_array, populate_array
 
 from synth.native import interpreted
-from synth.native.arrays import fields, require_declared
+from synth.native.arrays import fields, records, require_declared, values
 from synth.native.interpreted import intrinsic
 
 _I64 = ir.IntType(64)
@@ -44,7 +45,7 @@ def table(*parts: Any) -> np.ndarray:
     out: list[int] = []
     for part in parts:
         kind: Any = type(part)
-        for value, (name, (dtype, shape)) in zip(part, fields(kind).items(), strict=True):
+        for value, (name, (dtype, shape)) in zip(values(part), fields(kind).items(), strict=True):
             if shape:
                 require_declared(kind, name, value)
                 out.append(value.__array_interface__["data"][0])  # in a fourth of the time of `ctypes`
@@ -67,6 +68,8 @@ class Opened(types.Type):
 
     def member(self, name: str) -> Any:
         """Numba type of a field, None where there is none."""
+        if name in records(self.kind):
+            return Opened(records(self.kind)[name], self.place(name))
         if name not in fields(self.kind):
             return None
         dtype, shape = fields(self.kind)[name]
@@ -74,8 +77,12 @@ class Opened(types.Type):
 
     def place(self, name: str) -> int:
         """The first word of a field."""
-        names = list(fields(self.kind))
-        return self.skip + sum(1 + len(fields(self.kind)[before].shape) for before in names[: names.index(name)])
+        at = self.skip
+        for field, (_, shape) in fields(self.kind).items():
+            if field == name or field.startswith(f"{name}."):
+                return at
+            at += 1 + len(shape)
+        raise KeyError(name)
 
 
 @register_model(Opened)
@@ -96,6 +103,8 @@ class _Fields(AttributeTemplate):
 def _field(context: Any, builder: Any, opened: Opened, address: Any, name: str) -> Any:
     start = builder.inttoptr(address, _I64.as_pointer())
     member = opened.member(name)
+    if isinstance(member, Opened):
+        return address
     place = opened.place(name)
 
     def word(offset: int) -> Any:

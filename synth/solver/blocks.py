@@ -113,7 +113,7 @@ def fly_modes(model: int, scratch: int, q, v, modes: int, blocks: int, out) -> N
         return
     w = scratch_of(scratch)
     n = padded_single(modes)
-    single_q, single_v = w.single_q[:n], w.single_v[:n]
+    single_q, single_v = w.single.q[:n], w.single.v[:n]
     take(q, v, modes, single_q, single_v)
     weights = m.single_weights[m.first : m.first + m.points]
     fly_blocks(blocks, n, _single_rows(m, w, modes), single_q, single_v, weights, m.on_q, out)
@@ -124,7 +124,7 @@ def fly_modes(model: int, scratch: int, q, v, modes: int, blocks: int, out) -> N
 def _single_rows(m, w, modes: int):
     """(ROWS, padded_single(N)) float32 of a model: its own, or, of so many modes, made in the Scratch where it has none."""
     if m.single_rows.shape[1] == 0:
-        fill_single_rows(m.rows, min(modes, m.rows.shape[1]), in_rows(w.single_rows, ROWS, padded_single(m.modes)))
+        fill_single_rows(m.rows, min(modes, m.rows.shape[1]), in_rows(w.single.rows, ROWS, padded_single(m.modes)))
     return _rows_in_use(m, w)
 
 
@@ -133,7 +133,7 @@ def _rows_in_use(m, w):
     """Rows of float32 of a model that `_single_rows` has been asked for."""
     if m.single_rows.shape[1] > 0:
         return m.single_rows
-    return in_rows(w.single_rows, ROWS, padded_single(m.modes))
+    return in_rows(w.single.rows, ROWS, padded_single(m.modes))
 
 
 @njit(cache=True, nogil=True)
@@ -177,18 +177,18 @@ def _begin_press(model: int, state: int, scratch: int) -> None:
     m, s, w = string_model(model), string_state(state), scratch_of(scratch)
     if m.single:
         n = padded_single(m.modes)
-        take(s.q, s.v, m.modes, w.single_q[:n], w.single_v[:n])
+        take(s.q, s.v, m.modes, w.single.q[:n], w.single.v[:n])
         _single_rows(m, w, m.modes)
 
 
 @njit(**INNER)
 def _pass_modes(model: int, state: int, scratch: int, at: int, stride: int, before: int) -> None:
     """Modes go through what the block before has left (`before`); the free displacements of the contact over the next one go
-    into Scratch.spare[0], the free outputs into their rows from step `at` on."""
+    into Scratch.rows.spare[0], the free outputs into their rows from step `at` on."""
     m, s, w = string_model(model), string_state(state), scratch_of(scratch)
     if m.single:
         rows, shape, weights = _rows_in_use(m, w), m.single_shapes[0], m.single_weights
-        _pass_of(before, at, stride, rows.shape[1], rows, w.single_q, w.single_v, shape, weights, m, w)
+        _pass_of(before, at, stride, rows.shape[1], rows, w.single.q, w.single.v, shape, weights, m, w)
     else:
         _pass_of(before, at, stride, m.rows.shape[1], m.rows, s.q, s.v, m.shapes[0], m.weights, m, w)
 
@@ -197,7 +197,7 @@ def _pass_modes(model: int, state: int, scratch: int, at: int, stride: int, befo
 def _pass_of(before: int, at: int, stride: int, n: int, rows, q, v, shape, all_weights, m, w) -> None:
     """The same with the modes q, v (≥n,) and what they are multiplied with: rows (ROWS, n), shape (n,) of the contact,
     all_weights (·, n)."""
-    u, forces = w.spare[0], w.record[max(0, at - BLOCK) :]
+    u, forces = w.rows.spare[0], w.record[max(0, at - BLOCK) :]
     if m.points == 0:
         if before == _NOTHING:
             project_q(n, rows, q, v, shape, u)
@@ -229,7 +229,7 @@ def _solve_block(model: int, state: int, scratch: int, at: int, stride: int) -> 
     """Forces of the block from step `at` on into Scratch.record, and what they add to the outputs; what the modes have to
     go through of it."""
     m, s, w = string_model(model), string_state(state), scratch_of(scratch)
-    u, forces, lags = w.spare[0], w.record[at:], m.lags[0, 0]
+    u, forces, lags = w.rows.spare[0], w.record[at:], m.lags[0, 0]
     after = _FLIGHT
     if any_below(u, s.eta[0]):
         press_sequence(u, s.eta[0], lags, forces)
@@ -255,7 +255,7 @@ def _end_press(model: int, state: int, scratch: int, steps: int, before: int) ->
     forces = w.record[max(0, steps - BLOCK) :]
     if m.single:
         n = padded_single(m.modes)
-        q, v = w.single_q[:n], w.single_v[:n]
+        q, v = w.single.q[:n], w.single.v[:n]
         _leave(before, n, _rows_in_use(m, w), q, v, m.single_shapes[0], forces)
         give_back(q, v, m.modes, s.q, s.v)
     else:
@@ -304,7 +304,7 @@ def advance_blocks(model: int, state: int, scratch: int, blocks: int, stride: in
         return _advance(model, state, scratch, blocks, stride, moving, m.rows, m.shapes, m.weights, s.q, s.v)
     w = scratch_of(scratch)
     n = padded_single(m.modes)
-    q, v = w.single_q[:n], w.single_v[:n]
+    q, v = w.single.q[:n], w.single.v[:n]
     take(s.q, s.v, m.modes, q, v)
     moving, rows = padded_single(s.counts[MOVING]), _single_rows(m, w, m.modes)
     result = _advance(model, state, scratch, blocks, stride, moving, rows, m.single_shapes, m.single_weights, q, v)
@@ -325,7 +325,7 @@ def _advance(
     out = w.out[: points * stride].reshape(points, stride)
     record, watched = w.record, w.contact_u.size > 0
     hold = law == EXACT_HOLD
-    near, u, forces, looked = w.near, w.u, w.forces, s.looked
+    near, u, forces, looked = w.rows.near, w.rows.u, w.rows.forces, s.certificates.looked
     result = SOLVED
     if blocks == 0:
         return result
@@ -335,7 +335,7 @@ def _advance(
             certify(model, state, scratch, q[:moving], v[:moving])
         else:
             for c in range(contacts):
-                looked[c], s.until[c], s.renewed[c] = 1, 0, -1
+                looked[c], s.certificates.until[c], s.certificates.renewed[c] = 1, 0, -1
         if points > 0:
             observe(moving, rows, q, v, weights, m.on_q, out[:, at:])
         for i in range(at * contacts, (at + BLOCK) * contacts):

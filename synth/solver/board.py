@@ -133,7 +133,7 @@ def _step(model: int, state: int, scratch: int, t: int) -> None:
     n, dt, rows = m.rows.shape[1], m.dt, m.rows
     q, v = s.q[:n], s.v[:n]
     fly(rows, q, v)
-    finger, touch = s.finger[0], s.finger_weights[:n]
+    finger, touch = s.finger[0], s.grip.weights[:n]
     if finger.on != 0:
         blend, compliance = finger_blend(EXACT_HOLD, dt, finger.stiffness, finger.resistance)
         target = finger_target(EXACT_HOLD, dt, finger.stiffness, finger.resistance, w.path[t], w.path[t + 1], finger.here)
@@ -272,12 +272,12 @@ def _block_under_finger(model: int, state: int, scratch: int, board: int, at: in
     n, dt, points, rows, q, v, before = m.rows.shape[1], m.dt, m.points, m.rows, s.q, s.v, room.before
     if b.counts[HOLDING] > 0:
         return False
-    finger, touch, own = s.finger[0], s.finger_weights[:n], s.grip_own[0]
+    finger, touch, own = s.finger[0], s.grip.weights[:n], s.grip.own[0]
     stiffness, resistance = finger.stiffness, finger.resistance
     blend, compliance = finger_blend(EXACT_HOLD, dt, stiffness, resistance)
     stiff = 1.0 / (own[BLOCK] + compliance)
     follow = finger_target(EXACT_HOLD, dt, stiffness, resistance, 0.0, 0.0, 1.0) / blend * stiff
-    y, true, pull, pushes = w.spare[0], w.spare[1], w.spare[2], w.forces[0]
+    y, true, pull, pushes = w.rows.spare[0], w.rows.spare[1], w.rows.spare[2], w.rows.forces[0]
     for k in range(BLOCK):
         target = finger_target(EXACT_HOLD, dt, stiffness, resistance, w.path[at + k], w.path[at + k + 1], 0.0)
         pull[k] = target / blend * stiff
@@ -304,7 +304,7 @@ def _block_under_finger(model: int, state: int, scratch: int, board: int, at: in
     out = w.out[: points * stride].reshape(points, stride)
     _observe(n, m, b, room, before, out, at)
     for p in range(points):
-        add_forced(out[p, at:], s.grip_outputs[m.first + p], pushes)
+        add_forced(out[p, at:], s.grip.outputs[m.first + p], pushes)
     finger.here = true[BLOCK - 1]
     finger.push = pushes[BLOCK - 1]
     s.counts[MOVING] = m.modes

@@ -67,9 +67,9 @@ def forget(state: int) -> None:
     """No certificate holds any more: the string or the obstacle was changed from outside."""
     s = string_state(state)
     s.counts[CLOCK] = 0
-    s.until[:] = 0
-    s.renewed[:] = -1
-    s.looked[:] = 1
+    s.certificates.until[:] = 0
+    s.certificates.renewed[:] = -1
+    s.certificates.looked[:] = 1
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
@@ -84,7 +84,8 @@ def certify(model: int, state: int, scratch: int, q, v) -> None:
     """
     m, s, w = string_model(model), string_state(state), scratch_of(scratch)
     contacts = m.shapes.shape[0]
-    until, renewed, margin, bounds, eta = s.until, s.renewed, s.margin, s.bounds, s.eta
+    held = s.certificates
+    until, renewed, margin, bounds, eta = held.until, held.renewed, held.margin, held.bounds, s.eta
     now = s.counts[CLOCK]
     due, stale = False, False
     for c in range(contacts):
@@ -97,7 +98,7 @@ def certify(model: int, state: int, scratch: int, q, v) -> None:
         return
     omega = m.omega[: q.size]
     n = omega.size
-    ever, far, close = w.moved[0], w.moved[1], w.moved[2]
+    ever, far, close = w.modes.moved[0], w.modes.moved[1], w.modes.moved[2]
     if stale:
         long, short = HORIZONS[0] * m.dt, HORIZONS[1] * m.dt
         extents(omega, q, v, ever)
@@ -125,7 +126,7 @@ def certify(model: int, state: int, scratch: int, q, v) -> None:
             for j in range(n):
                 here += shape[j] * q[j]
         gap = here - eta[c]
-        s.looked[c] = 0
+        s.certificates.looked[c] = 0
         if bounds[c, 0] < -eta[c]:
             until[c] = FOR_EVER
             margin[c] = -eta[c] - bounds[c, 0]
@@ -136,4 +137,4 @@ def certify(model: int, state: int, scratch: int, q, v) -> None:
             until[c] = now + HORIZONS[1]
             margin[c] = gap - bounds[c, 2]
             if margin[c] <= 0.0:
-                s.looked[c] = 1
+                s.certificates.looked[c] = 1

@@ -30,15 +30,15 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numba import njit
 
-from synth.native.arrays import f4, f8, i8, u1
+from synth.native.arrays import f8, i8, u1
 from synth.native.views import opener
 from synth.solver.block_rows import BLOCK, ROWS
 from synth.solver.certificates import MARGIN
+from synth.solver.coupled_body import COMPONENTS, CoupledBody
+from synth.solver.single import SingleLine
 from synth.solver.stringmodel import DEPTH, MOVING, STIFFNESS, string_model, string_state
 from synth.solver.vectors import FAST, INNER, dot
 
-#: components of the bridge's motion that are computed with; those that a body has none of stay zero
-COMPONENTS = 3
 #: steps of a frame, at most, and only powers of two
 MOST_STEPS = BLOCK
 #: what the modes left out keep of their motion against the bridge from frame to frame (negative: it swings over)
@@ -52,7 +52,7 @@ KEPT_BY_THE_REST = 0.9
     KICK_REACH,  # how far a unit kick can move any contact, at most [s]
     LARGEST_LEVERAGE,  # |ξ| of any contact, at most
     SPENT,  # what bridge and bends have taken off the clearances since the line was certified [m]
-    RISEN,  # the kicks' part of it since End.bound was taken [m]
+    RISEN,  # the kicks' part of it since End.certificate.bound was taken [m]
     LATELY,  # what the bridge took off them in the last block [m]
     SLACK,  # what it may take off them in this block [m]
     RELIEF,  # share of the contacts' residual compliance that a bend has added to it
@@ -69,10 +69,10 @@ N_NUMBERS = 17
 (
     ENGAGED,  # whether contacts and finger count
     NEAR,  # contacts that are looked at
-    KEPT,  # whether End.kept is of this block
+    KEPT,  # whether End.kept.modes is of this block
     APART_MODES,  # modes that move while the line is apart, all or a multiple of `lanes.PAD`; others rest, as left out
     CERTIFIED,  # contacts that need not be looked at
-    QUIET,  # blocks since something pressed, −1 once End.bound holds
+    QUIET,  # blocks since something pressed, −1 once End.certificate.bound holds
     KIND,  # state of the line in this block, see below
     DUE,  # tables that wait until the line is looked at (`line_tables`)
     REACH_OF,  # number of the model, from 1 on, that kick, pull, leverage and what any contact has at most are of
@@ -85,27 +85,25 @@ N_NUMBERS = 17
 N_COUNTS = 13
 #: what a line is in a block: apart; engaged, but clear of its contacts for the block; one contact; several, or a finger
 FAR, CLEAR, SINGLE, SEVERAL = range(4)
-#: place of a hand's push among the forces on a body, behind the components of the bridge's
-HAND = COMPONENTS
-#: rows of End.own and shares: while it is not looked at, while it is
+#: rows of End.responses.own and shares: while it is not looked at, while it is
 APART, LOOKED_AT = range(2)
-#: places in End.answer
+#: places in End.block.answer
 (
     TURNED,  # what the end's speed changes by in the frame that is asked for [m/s]
     PUSHED,  # mean force of contacts and finger on the bridge then [N]
     STEEPNESS,  # slope of that by the speed
-    FINGERS_PUSH,  # push of the finger that End.left takes for granted [N]
+    FINGERS_PUSH,  # push of the finger that End.block.left takes for granted [N]
 ) = range(4)
 N_ANSWER = 4
-#: places in End.known
+#: places in End.block.known
 (
     PATTERN,  # contacts that press in the steps of that frame, as a number
     LINEAR,  # whether the answer is linear while the same ones press
     SETS,  # sets of contacts whose tables are there (`few_contacts`)
     OF_SETS,  # contacts that these are of
     CULLING,  # how long at a time contacts may be passed over in this block: NEVER, SHORT (AGAIN) or LONG
-    LASTS,  # steps for which End.left holds (`line_culling`), or USED_UP
-    AHEAD,  # whether End.u has the finger's next steps already
+    LASTS,  # steps for which End.block.left holds (`line_culling`), or USED_UP
+    AHEAD,  # whether End.block.u has the finger's next steps already
 ) = range(7)
 N_KNOWN = 7
 #: contacts are not passed over; for one pass, which is tried for the last time, or the first; for what is left of the block
@@ -120,25 +118,9 @@ FEW = 4
 CULLED_FROM = 5
 
 
-class End(NamedTuple):
-    """What a moving end is to one line, its responses over a block of steps or frames, and room for a block's rows."""
+class EndResponses(NamedTuple):
+    """What a line answers to its end, its contacts and its finger, over a block."""
 
-    numbers: Annotated[np.ndarray, f8("N_NUMBERS")]
-    counts: Annotated[np.ndarray, i8("N_COUNTS")]
-    kick: Annotated[np.ndarray, f8("modes")]  # −c: what a unit kick does to ẇ
-    pull: Annotated[np.ndarray, f8("modes")]  # μ c
-    sigma: Annotated[np.ndarray, f8("modes")]  # of its modes as a hand now damps them [1/s]
-    flight: Annotated[np.ndarray, f8("ROWS, modes")]  # of a frame, `lanes`
-    # the same of the modes that move while it is apart, in float32 (`single`), none where Coupling.single is not set; and
-    # numbers of the flight that they are of
-    single_of: Annotated[np.ndarray, f8("5")]
-    single_flight: Annotated[np.ndarray, f4("ROWS, singles")]
-    single_kick: Annotated[np.ndarray, f4("singles")]
-    single_pull: Annotated[np.ndarray, f4("singles")]
-    single_q: Annotated[np.ndarray, f4("singles")]
-    single_v: Annotated[np.ndarray, f4("singles")]
-    leverage: Annotated[np.ndarray, f8("contacts")]  # ξ
-    clearance: Annotated[np.ndarray, f8("contacts")]  # [m], of each contact: > 0: it need not be looked at
     share: Annotated[np.ndarray, f8("2")]  # Σ c² of the modes that move
     own: Annotated[np.ndarray, f8("2, RESPONSE")]  # pull after a unit kick, by frames
     moved: Annotated[np.ndarray, f8("contacts, RESPONSE")]  # gaps after a unit kick, by steps, the end's way among it
@@ -147,9 +129,20 @@ class End(NamedTuple):
     finger_moved: Annotated[np.ndarray, f8("1, RESPONSE")]
     finger_reach: Annotated[np.ndarray, f8("1, BLOCK")]
     finger_drawn: Annotated[np.ndarray, f8("1, BLOCK")]
+
+
+class LineCertificate(NamedTuple):
+    """Which contacts a line is certain not to touch (`line_certificates`)."""
+
+    clearance: Annotated[np.ndarray, f8("contacts")]  # [m], of each contact: > 0: it need not be looked at
     bound: Annotated[np.ndarray, f8("contacts")]  # what free flight can move the string by there within a block [m]
     stirred: Annotated[np.ndarray, f8("contacts")]  # √ of how far a unit push there moves the string there, at most [√(m/N)]
-    path: Annotated[np.ndarray, f8("path")]  # of the finger [m], at the start and after each step of a call
+    pushed: Annotated[np.ndarray, f8("2")]  # Σ |p| of the finger over a block, Σ λ of the contacts
+
+
+class LineBlock(NamedTuple):
+    """Room for a block of a line: rows of its contacts looked at, then of its finger, by steps; what a frame asked of it."""
+
     pulled: Annotated[np.ndarray, f8("1, contacts + 1, RESPONSE")]  # pull after a force, by steps
     row: Annotated[np.ndarray, f8("BLOCK")]  # pull at the ends of the frames that lie ahead
     u: Annotated[np.ndarray, f8("contacts + 1, BLOCK")]  # gaps of the contacts looked at, then height under the finger
@@ -159,18 +152,105 @@ class End(NamedTuple):
     opening: Annotated[np.ndarray, f8("contacts + 1, BLOCK")]  # what these change by with it
     answer: Annotated[np.ndarray, f8("N_ANSWER")]
     known: Annotated[np.ndarray, i8("N_KNOWN")]
-    left: Annotated[
-        np.ndarray, f8("contacts")
-    ]  # of the gap of each contact that is not certified, > 0: it is passed over [m], or FOLLOWED
-    few: Annotated[np.ndarray, f8("SETS, FEW*FEW")]  # of each set of contacts, by columns
-    sides: Annotated[np.ndarray, f8("4, FEW")]
+    # of the gap of each contact that is not certified, what is left: > 0: it is passed over [m], or FOLLOWED
+    left: Annotated[np.ndarray, f8("contacts")]
     drew: Annotated[np.ndarray, f8("BLOCK")]  # pull after the forces of one step, at the ends of its and later frames
     kicks: Annotated[np.ndarray, f8("BLOCK")]  # of the end, by steps while it is looked at; once a block is over, by frames
-    pushed: Annotated[np.ndarray, f8("2")]  # Σ |p| of the finger over a block, Σ λ of the contacts
     near: Annotated[np.ndarray, i8("contacts")]
     matrix: Annotated[np.ndarray, f8("contacts*contacts")]  # of the contacts looked at, the finger taken out
-    kept: Annotated[np.ndarray, f8("2, modes")]  # state of the modes …
-    kept_contacts: Annotated[np.ndarray, f8("contacts + 2")]  # … of contacts and finger as a block begins
+
+
+class FewContacts(NamedTuple):
+    """Tables of `few_contacts`."""
+
+    tables: Annotated[np.ndarray, f8("SETS, FEW*FEW")]  # of each set of contacts, by columns
+    sides: Annotated[np.ndarray, f8("4, FEW")]
+
+
+class KeptLine(NamedTuple):
+    """State of a line as a block begins."""
+
+    modes: Annotated[np.ndarray, f8("2, modes")]
+    contacts: Annotated[np.ndarray, f8("contacts + 2")]  # and finger
+
+
+class End(NamedTuple):
+    """What a moving end is to one line."""
+
+    numbers: Annotated[np.ndarray, f8("N_NUMBERS")]
+    counts: Annotated[np.ndarray, i8("N_COUNTS")]
+    kick: Annotated[np.ndarray, f8("modes")]  # −c: what a unit kick does to ẇ
+    pull: Annotated[np.ndarray, f8("modes")]  # μ c
+    sigma: Annotated[np.ndarray, f8("modes")]  # of its modes as a hand now damps them [1/s]
+    flight: Annotated[np.ndarray, f8("ROWS, modes")]  # of a frame, `lanes`
+    leverage: Annotated[np.ndarray, f8("contacts")]  # ξ
+    path: Annotated[np.ndarray, f8("path")]  # of the finger [m], at the start and after each step of a call
+    responses: EndResponses
+    certificate: LineCertificate
+    block: LineBlock
+    few: FewContacts
+    kept: KeptLine
+    single: SingleLine  # while it is apart; none where Coupling.single is not set
+
+
+class BridgeLines(NamedTuple):
+    """Lines of an instrument, and how each meets the bridge."""
+
+    steps: Annotated[np.ndarray, i8("lines")]  # r of each
+    model: Annotated[np.ndarray, i8("lines")]  # addresses of each line's StringModel, …
+    state: Annotated[np.ndarray, i8("lines")]  # … StringState …
+    end: Annotated[np.ndarray, i8("lines")]  # … and End
+    direction: Annotated[np.ndarray, f8("lines, components")]  # B
+    friction: Annotated[np.ndarray, f8("lines")]  # of a line at the contacts of the line before, 0: there is none
+
+
+class BridgeMotion(NamedTuple):
+    """How the bridge moves, and what holds it."""
+
+    beta: Annotated[np.ndarray, f8("components")]  # [m]
+    speed: Annotated[np.ndarray, f8("components")]  # V of the frame before [m/s]
+    rest: Annotated[np.ndarray, f8("components")]  # motion of the modes left out, in units of √REST [m/s]
+    momentum: Annotated[np.ndarray, f8("components")]  # Σ B μ Σ c ẏ
+    # force that what is at rest puts on the bridge, which it is counted from: now, and in further stretches of a call
+    held: Annotated[np.ndarray, f8("stretches, components")]
+
+
+class BridgeLoad(NamedTuple):
+    """What the lines as they are mean to the bridge: `gather_lines`."""
+
+    share: Annotated[np.ndarray, f8("components, components")]  # Σ B Bᵀ μ Σ c²
+    rest_mass: Annotated[np.ndarray, f8("components, components")]  # Σ B Bᵀ μ (L/3 − Σ c²)
+    tension: Annotated[np.ndarray, f8("components, components")]  # Σ B Bᵀ T/L
+    own: Annotated[
+        np.ndarray, f8("2, components, components, RESPONSE")
+    ]  # Σ B Bᵀ of their own; lines apart, lines looked at
+    moving: Annotated[np.ndarray, f8("components, components")]  # of all lines, at the end of the kick's own frame
+    drag: Annotated[np.ndarray, f8("components, components")]  # A
+    inverse: Annotated[np.ndarray, f8("components, components")]  # (I + Γ A/H)⁻¹
+    answer: Annotated[np.ndarray, f8("components, components")]  # (I + Γ A/H)⁻¹ Γ
+
+
+class BridgeBlock(NamedTuple):
+    """Room for a block of the bridge."""
+
+    touching: Annotated[np.ndarray, i8("lines + 1")]  # how many lines are not `FAR`, and which
+    pull: Annotated[np.ndarray, f8("components, BLOCK")]  # of the lines apart, at the ends of the block's frames
+    kicks: Annotated[np.ndarray, f8("components, BLOCK")]
+    small: Annotated[np.ndarray, f8("6, components")]
+    jacobian: Annotated[np.ndarray, f8("components, components")]
+    newton: Annotated[np.ndarray, f8("components, components")]
+    kept: Annotated[np.ndarray, f8("4, components")]
+
+
+class HeldProblem(NamedTuple):
+    """The problem of all contacts and fingers, where forces are held (`held_forces`)."""
+
+    matrix: Annotated[np.ndarray, f8("rows*rows")]
+    compact: Annotated[np.ndarray, f8("rows*rows")]
+    factor: Annotated[np.ndarray, f8("rows*rows")]
+    rows: Annotated[np.ndarray, f8("3, rows")]
+    places: Annotated[np.ndarray, i8("3, rows")]
+    marks: Annotated[np.ndarray, u1("2, rows")]
 
 
 class Coupling(NamedTuple):
@@ -179,62 +259,13 @@ class Coupling(NamedTuple):
     frame: float  # H [s]
     single: int  # whether lines that are not looked at hold their modes in float32 over a call
     culled_from: int  # contacts of a line from which on some are passed over where they are out of reach (`line_culling`)
-    steps: Annotated[np.ndarray, i8("lines")]  # r of each
-    line_model: Annotated[np.ndarray, i8("lines")]  # addresses of each line's StringModel, …
-    line_state: Annotated[np.ndarray, i8("lines")]  # … StringState …
-    line_end: Annotated[np.ndarray, i8("lines")]  # … and End
-    direction: Annotated[np.ndarray, f8("lines, components")]  # B
-    friction: Annotated[np.ndarray, f8("lines")]  # of a line at the contacts of the line before, 0: there is none
-    # the body, `coupled_body.body_fields`
-    body: Annotated[np.ndarray, f8("ROWS, body")]  # of a frame, `lanes`
-    shape: Annotated[np.ndarray, f8("components, body")]  # Ψ
-    parts: Annotated[np.ndarray, i8("parts")]  # numbers of the components that it moves the bridge in
-    gamma: Annotated[np.ndarray, f8("components, components")]  # Γ = Ψ diag(kq) Ψᵀ
-    radiation: Annotated[np.ndarray, f8("channels, body")]  # output of an acceleration
-    body_mass: Annotated[np.ndarray, f8("body")]  # [kg]
-    body_omega: Annotated[np.ndarray, f8("body")]
-    struck: Annotated[np.ndarray, f8("body")]  # what velocities change by as a hand pushes on the body by 1 N for a frame
-    moves: Annotated[np.ndarray, f8("components, components + 1, RESPONSE")]  # the bridge, by 1 N in each, and by the hand
-    sounds: Annotated[np.ndarray, f8("channels, components + 1, RESPONSE")]  # change of the radiating speed over each frame
-    # state
-    p: Annotated[np.ndarray, f8("body")]  # displacements …
-    p_speed: Annotated[np.ndarray, f8("body")]  # … and velocities of the body's modes
-    beta: Annotated[np.ndarray, f8("components")]  # [m]
-    speed: Annotated[np.ndarray, f8("components")]  # V of the frame before [m/s]
-    rest: Annotated[np.ndarray, f8("components")]  # motion of the modes left out, in units of √REST [m/s]
-    # force that what is at rest puts on the bridge, which it is counted from: now, and in further stretches of a call
-    held: Annotated[np.ndarray, f8("stretches, components")]
+    lines: BridgeLines
+    body: CoupledBody
+    bridge: BridgeMotion
     counts: Annotated[np.ndarray, i8("N_COUPLING_COUNTS")]
-    # of the lines as they are: `gather_lines`
-    momentum: Annotated[np.ndarray, f8("components")]  # Σ B μ Σ c ẏ
-    share: Annotated[np.ndarray, f8("components, components")]  # Σ B Bᵀ μ Σ c²
-    rest_mass: Annotated[np.ndarray, f8("components, components")]  # Σ B Bᵀ μ (L/3 − Σ c²)
-    tension: Annotated[np.ndarray, f8("components, components")]  # Σ B Bᵀ T/L
-    own: Annotated[np.ndarray, f8("2, components, components, RESPONSE")]  # Σ B Bᵀ of End.own; lines apart, lines looked at
-    moving: Annotated[np.ndarray, f8("components, components")]  # of all lines, at the end of the kick's own frame
-    drag: Annotated[np.ndarray, f8("components, components")]  # A
-    inverse: Annotated[np.ndarray, f8("components, components")]  # (I + Γ A/H)⁻¹
-    answer: Annotated[np.ndarray, f8("components, components")]  # (I + Γ A/H)⁻¹ Γ
-    # room for a block
-    touching: Annotated[np.ndarray, i8("lines + 1")]  # how many lines are not `FAR`, and which
-    knocked: Annotated[np.ndarray, i8("1")]  # whether a hand pushes on the body in this call, …
-    knock: Annotated[np.ndarray, f8("knocks")]  # … and how strongly in each of its frames [N]
-    pull: Annotated[np.ndarray, f8("components, BLOCK")]  # of the lines apart, at the ends of the block's frames
-    kicks: Annotated[np.ndarray, f8("components, BLOCK")]
-    small: Annotated[np.ndarray, f8("6, components")]
-    jacobian: Annotated[np.ndarray, f8("components, components")]
-    newton: Annotated[np.ndarray, f8("components, components")]
-    free: Annotated[np.ndarray, f8("components, BLOCK")]  # where the body moves the bridge to without a force, …
-    goes: Annotated[np.ndarray, f8("components, BLOCK")]  # … and with those that have acted in the block
-    radiates: Annotated[np.ndarray, f8("channels, BLOCK")]  # change of the radiating speed over each frame
-    force: Annotated[np.ndarray, f8("components + 1, BLOCK")]  # on the bridge in each frame, and of the hand on the body
-    kept: Annotated[np.ndarray, f8("4, components")]
-    big: Annotated[np.ndarray, f8("rows*rows")]  # the problem of all contacts and fingers, where forces are held
-    big_compact: Annotated[np.ndarray, f8("rows*rows")]
-    big_factor: Annotated[np.ndarray, f8("rows*rows")]
-    big_rows: Annotated[np.ndarray, f8("3, rows")]
-    big_index: Annotated[np.ndarray, i8("3, rows")]
-    big_marks: Annotated[np.ndarray, u1("2, rows")]
+    load: BridgeLoad
+    block: BridgeBlock
+    problem: HeldProblem
 
 
 #: places in Coupling.counts: frames gone through; of these, those in which something touched or was held, iterations of
@@ -248,7 +279,7 @@ coupling_at, end_at = opener(Coupling), opener(End)
 @njit(inline="always")
 def steps_of(c, e, line: int) -> int:
     """Steps that a line of Coupling c, whose End is e, now takes in a frame."""
-    return 1 if e.counts[BY_FRAMES] else c.steps[line]
+    return 1 if e.counts[BY_FRAMES] else c.lines.steps[line]
 
 
 @njit(inline="always")
@@ -262,7 +293,7 @@ def along(c, line: int, of_bridge) -> float:
     """What a motion of the bridge (D,) is at a line's end: B·β, of Coupling c."""
     total = 0.0
     for i in range(COMPONENTS):
-        total += c.direction[line, i] * of_bridge[i]
+        total += c.lines.direction[line, i] * of_bridge[i]
     return total
 
 
@@ -295,48 +326,48 @@ def invert(a, out) -> None:
 
 @njit(cache=True, nogil=True, fastmath=FAST)
 def gather_responses(coupling: int) -> None:
-    """Coupling.own, share and rest_mass, and what follows from them, as the lines are looked at or not."""
+    """Coupling.load.own, share and rest_mass, and what follows from them, as the lines are looked at or not."""
     c = coupling_at(coupling)
     d, frame = COMPONENTS, c.frame
-    c.own[:] = 0.0
-    c.share[:] = 0.0
-    c.rest_mass[:] = 0.0
-    for line in range(c.line_end.size):
-        e, direction, mu = end_at(c.line_end[line]), c.direction[line], string_model(c.line_model[line]).mu
+    c.load.own[:] = 0.0
+    c.load.share[:] = 0.0
+    c.load.rest_mass[:] = 0.0
+    for line in range(c.lines.end.size):
+        e, direction, mu = end_at(c.lines.end[line]), c.lines.direction[line], string_model(c.lines.model[line]).mu
         kind = LOOKED_AT if e.counts[ENGAGED] else APART
-        of_line, moving = e.own[kind], mu * e.share[kind]
-        left_out = mu * max(0.0, e.numbers[LENGTH] / 3.0 - e.share[kind])
+        of_line, moving = e.responses.own[kind], mu * e.responses.share[kind]
+        left_out = mu * max(0.0, e.numbers[LENGTH] / 3.0 - e.responses.share[kind])
         for i in range(d):
             for k in range(i + 1):
-                both, own = direction[i] * direction[k], c.own[kind, i, k]
-                c.share[i, k] += both * moving
-                c.rest_mass[i, k] += both * left_out
+                both, own = direction[i] * direction[k], c.load.own[kind, i, k]
+                c.load.share[i, k] += both * moving
+                c.load.rest_mass[i, k] += both * left_out
                 for t in range(BLOCK, 2 * BLOCK):
                     own[t] += both * of_line[t]
     for i in range(d):
         for k in range(i):
-            c.share[k, i], c.rest_mass[k, i] = c.share[i, k], c.rest_mass[i, k]
+            c.load.share[k, i], c.load.rest_mass[k, i] = c.load.share[i, k], c.load.rest_mass[i, k]
             for kind in range(2):
                 for t in range(BLOCK, 2 * BLOCK):
-                    c.own[kind, k, i, t] = c.own[kind, i, k, t]
+                    c.load.own[kind, k, i, t] = c.load.own[kind, i, k, t]
     for i in range(d):
         for k in range(d):
-            c.moving[i, k] = c.own[0, i, k, BLOCK] + c.own[1, i, k, BLOCK]
-            moving = c.moving[i, k] + c.share[i, k]
-            moving += (1.0 + KEPT_BY_THE_REST) * c.rest_mass[i, k]
-            c.drag[i, k] = moving / frame + 0.5 * frame * c.tension[i, k]
+            c.load.moving[i, k] = c.load.own[0, i, k, BLOCK] + c.load.own[1, i, k, BLOCK]
+            moving = c.load.moving[i, k] + c.load.share[i, k]
+            moving += (1.0 + KEPT_BY_THE_REST) * c.load.rest_mass[i, k]
+            c.load.drag[i, k] = moving / frame + 0.5 * frame * c.load.tension[i, k]
     for i in range(d):
         for k in range(d):
             total = 1.0 if i == k else 0.0
             for r in range(d):
-                total += c.gamma[i, r] * c.drag[r, k] / frame
-            c.jacobian[i, k] = total
-    invert(c.jacobian, c.inverse)
+                total += c.body.gamma[i, r] * c.load.drag[r, k] / frame
+            c.block.jacobian[i, k] = total
+    invert(c.block.jacobian, c.load.inverse)
     for i in range(d):
         for k in range(d):
-            c.answer[i, k] = 0.0
+            c.load.answer[i, k] = 0.0
             for r in range(d):
-                c.answer[i, k] += c.inverse[i, r] * c.gamma[r, k]
+                c.load.answer[i, k] += c.load.inverse[i, r] * c.body.gamma[r, k]
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
@@ -344,22 +375,22 @@ def gather_lines(coupling: int) -> None:
     """What the bridge sees of its lines, after any of them, its end, or whether it is looked at, has become another."""
     c = coupling_at(coupling)
     d = COMPONENTS
-    c.momentum[:] = 0.0
-    c.tension[:] = 0.0
-    for line in range(c.line_end.size):
-        e, s = end_at(c.line_end[line]), string_state(c.line_state[line])
-        direction = c.direction[line]
+    c.bridge.momentum[:] = 0.0
+    c.load.tension[:] = 0.0
+    for line in range(c.lines.end.size):
+        e, s = end_at(c.lines.end[line]), string_state(c.lines.state[line])
+        direction = c.lines.direction[line]
         moving = s.counts[MOVING]
         momentum = dot(e.pull[:moving], s.v[:moving])
         for i in range(d):
-            c.momentum[i] += direction[i] * momentum
+            c.bridge.momentum[i] += direction[i] * momentum
             for k in range(d):
                 both = direction[i] * direction[k]
-                c.tension[i, k] += both * e.numbers[TENSION]
+                c.load.tension[i, k] += both * e.numbers[TENSION]
     gather_responses(coupling)
     for i in range(d):
         for k in range(d):
-            c.momentum[i] += c.share[i, k] * c.speed[k]
+            c.bridge.momentum[i] += c.load.share[i, k] * c.bridge.speed[k]
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
@@ -368,9 +399,9 @@ def energy_of(coupling: int) -> float:
     c = coupling_at(coupling)
     d = COMPONENTS
     total = 0.0
-    for line in range(c.line_end.size):
-        e, s, m = end_at(c.line_end[line]), string_state(c.line_state[line]), string_model(c.line_model[line])
-        speed, b = along(c, line, c.speed), along(c, line, c.beta)
+    for line in range(c.lines.end.size):
+        e, s, m = end_at(c.lines.end[line]), string_state(c.lines.state[line]), string_model(c.lines.model[line])
+        speed, b = along(c, line, c.bridge.speed), along(c, line, c.bridge.beta)
         for j in range(m.modes if e.counts[ENGAGED] else e.counts[APART_MODES]):
             y = s.v[j] - e.kick[j] * speed
             w = m.omega[j] * s.q[j]
@@ -386,12 +417,12 @@ def energy_of(coupling: int) -> float:
             sunk = min(m.layers[DEPTH, k], max(0.0, sunk))
             total += 0.5 * m.layers[STIFFNESS, k] * sunk * sunk
     for i in range(d):
-        total -= c.held[0, i] * c.beta[i]
+        total -= c.bridge.held[0, i] * c.bridge.beta[i]
         for k in range(d):
-            total += 0.5 * c.rest[i] * c.rest_mass[i, k] * c.rest[k]
-    for k in range(c.p.size):
-        w = c.body_omega[k] * c.p[k]
-        total += 0.5 * c.body_mass[k] * (c.p_speed[k] * c.p_speed[k] + w * w)
+            total += 0.5 * c.bridge.rest[i] * c.load.rest_mass[i, k] * c.bridge.rest[k]
+    for k in range(c.body.motion.p.size):
+        w = c.body.omega[k] * c.body.motion.p[k]
+        total += 0.5 * c.body.mass[k] * (c.body.motion.speed[k] * c.body.motion.speed[k] + w * w)
     return total
 
 
@@ -409,12 +440,6 @@ COUPLING_SIZES = {
     "FEW": FEW,
     "SETS": 1 << FEW,
 }
-
-
-def in_components(array: np.ndarray, axis: int) -> np.ndarray:
-    """An array whose axis has D ≤ COMPONENTS places with zeros for the others."""
-    widths = [(0, COMPONENTS - array.shape[axis] if k == axis else 0) for k in range(array.ndim)]
-    return np.ascontiguousarray(np.pad(array, widths))
 
 
 def most_of_contacts(

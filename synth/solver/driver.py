@@ -414,8 +414,8 @@ def run(model: Model, run: Run, n_steps: int, finger: Finger | None = None, heig
     held = run.state.finger[0]
     held["on"] = int(finger is not None)
     if finger is not None:
-        run.state.finger_weights[: finger.weights.size] = finger.weights
-        run.state.finger_coupling[: finger.coupling.size] = finger.coupling
+        run.state.grip.weights[: finger.weights.size] = finger.weights
+        run.state.grip.coupling[: finger.coupling.size] = finger.coupling
         held["own"], held["stiffness"], held["resistance"] = finger.own, finger.stiffness, finger.resistance
         held["here"], held["push"] = finger.state
     path = np.zeros(1) if finger is None else np.ascontiguousarray(finger.path, np.float64)

@@ -124,11 +124,11 @@ def _mirror(m, c: int, d: int) -> None:
 def fill_due(model: int, state: int, scratch: int, c: int) -> None:
     """Responses of contacts and outputs to a force at contact c: lags[:, c], out_lags[:, c], and lags[c], which are mutual.
 
-    Works in Scratch.q, v and moved.
+    Works in Scratch.modes.q, v and moved.
     """
     m, s, w = string_model(model), string_state(state), scratch_of(scratch)
     n, contacts = m.rows.shape[1], m.shapes.shape[0]
-    q, v, spare = w.q[:n], w.v[:n], w.moved.reshape(-1)[: 2 * BLOCK].reshape(2, BLOCK)
+    q, v, spare = w.modes.q[:n], w.modes.v[:n], w.modes.moved.reshape(-1)[: 2 * BLOCK].reshape(2, BLOCK)
     velocity = 0 if m.law == EXACT_HOLD else 1
     if s.due[c] == ROW_DUE:
         fill_row(model, state, c)

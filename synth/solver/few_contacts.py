@@ -26,7 +26,7 @@ _MOST_TRIED = 40
 #: of a contact's diagonal entry, what is left of it beside the others of its set: of sets with less, whose inverse loses too
 #: many digits where a factor would not, no table is made
 _LEAST_LEFT = 1e-4
-#: rows of End.sides: gaps without forces, their slopes, what the set makes of both
+#: rows of End.few.sides: gaps without forces, their slopes, what the set makes of both
 _GAPS, _MOVES, _ANSWERS, _CHANGES = range(4)
 
 
@@ -35,15 +35,15 @@ def note_matrix(model: int, end: int) -> None:
     """The matrix of the contacts that are looked at; tables of another one are forgotten."""
     m, e = string_model(model), end_at(end)
     several = e.counts[NEAR]
-    same = e.known[OF_SETS] == several
+    same = e.block.known[OF_SETS] == several
     for i in range(several):
         for d in range(several):
-            entry = m.lags[e.near[i], e.near[d], BLOCK]
-            same = same and e.matrix[i * several + d] == entry
-            e.matrix[i * several + d] = entry
+            entry = m.lags[e.block.near[i], e.block.near[d], BLOCK]
+            same = same and e.block.matrix[i * several + d] == entry
+            e.block.matrix[i * several + d] = entry
     if not same:
-        e.known[SETS] = 0
-        e.known[OF_SETS] = several
+        e.block.known[SETS] = 0
+        e.block.known[OF_SETS] = several
 
 
 @njit(**INNER)
@@ -53,14 +53,14 @@ def _fill_table(end: int, held: int) -> bool:
     Each contact of it is swept (Beaton 1964): the matrix, P swept, is −A_PP⁻¹, A_NP A_PP⁻¹ and what is left of A_NN.
     """
     e = end_at(end)
-    several, table = e.counts[NEAR], e.few[held].reshape(FEW, FEW)
+    several, table = e.counts[NEAR], e.few.tables[held].reshape(FEW, FEW)
     for i in range(FEW):
         for k in range(FEW):
-            table[k, i] = e.matrix[i * several + k] if i < several and k < several else 0.0
+            table[k, i] = e.block.matrix[i * several + k] if i < several and k < several else 0.0
     for p in range(several):
         if held >> p & 1:
             left = table[p, p]
-            if left <= _LEAST_LEFT * e.matrix[p * several + p]:
+            if left <= _LEAST_LEFT * e.block.matrix[p * several + p]:
                 return False
             for i in range(several):
                 for k in range(several):
@@ -78,7 +78,7 @@ def _fill_table(end: int, held: int) -> bool:
         else:
             for k in range(several):
                 table[k, i] = table[k, i] if held >> k & 1 else 0.0
-    e.known[SETS] |= 1 << held
+    e.block.known[SETS] |= 1 << held
     return True
 
 
@@ -98,12 +98,12 @@ def _apply(table, x, out) -> None:
 
 @njit(inline="always")
 def _find_set(e, end: int, held: int, tolerance: float) -> int:
-    """The set that presses over the gaps of End.sides, whose answers are there then; −1 where there is none to be found."""
-    gaps, answers = e.sides[_GAPS], e.sides[_ANSWERS]
+    """The set that presses over the gaps of End.few.sides, whose answers are there then; −1 where none is to be found."""
+    gaps, answers = e.few.sides[_GAPS], e.few.sides[_ANSWERS]
     for tried in range(_MOST_TRIED):
-        if e.known[SETS] >> held & 1 == 0 and not _fill_table(end, held):
+        if e.block.known[SETS] >> held & 1 == 0 and not _fill_table(end, held):
             return -1
-        _apply(e.few[held], gaps, answers)
+        _apply(e.few.tables[held], gaps, answers)
         wrong = 0
         for i in range(FEW):
             if answers[i] < (0.0 if held >> i & 1 else -tolerance):
@@ -121,9 +121,9 @@ def answer_of_few(
     """`line_forces.answer_of_line` of two to four contacts whose matrix is noted; NOT_SOLVED where no set of independent
     ones is found."""
     m, s, e = string_model(model), string_state(state), end_at(end)
-    several, near, lags = e.counts[NEAR], e.near, m.lags
-    forces, slopes, apart, opening = e.forces, e.slopes, e.apart, e.opening
-    gaps, moves, answers, changes = e.sides[_GAPS], e.sides[_MOVES], e.sides[_ANSWERS], e.sides[_CHANGES]
+    several, near, lags = e.counts[NEAR], e.block.near, m.lags
+    forces, slopes, apart, opening = e.block.forces, e.block.slopes, e.block.apart, e.block.opening
+    gaps, moves, answers, changes = e.few.sides[_GAPS], e.few.sides[_MOVES], e.few.sides[_ANSWERS], e.few.sides[_CHANGES]
     held = 0
     for i in range(several):
         if s.force[near[i]] > 0.0:
@@ -134,8 +134,8 @@ def answer_of_few(
     for t in range(steps):
         largest = 0.0
         for i in range(several):
-            move = e.moved[near[i], BLOCK + t]
-            gap = e.u[i, first + t] + move * turn
+            move = e.responses.moved[near[i], BLOCK + t]
+            gap = e.block.u[i, first + t] + move * turn
             if ever:
                 for d in range(several):
                     if ever >> d & 1:
@@ -150,15 +150,15 @@ def answer_of_few(
             return 0.0, 0.0, 0, NOT_SOLVED
         ever |= held
         pattern = pattern << FEW | held
-        _apply(e.few[held], moves, changes)
+        _apply(e.few.tables[held], moves, changes)
         for i in range(several):
             if held >> i & 1:
                 if s.due[near[i]]:
                     fill_due(model, state, scratch, near[i])
                 forces[i, first + t], slopes[i, first + t] = answers[i], changes[i]
                 apart[i, first + t] = opening[i, first + t] = 0.0
-                force += e.reach[near[i], t] * answers[i]
-                slope += e.reach[near[i], t] * changes[i]
+                force += e.responses.reach[near[i], t] * answers[i]
+                slope += e.responses.reach[near[i], t] * changes[i]
             else:
                 apart[i, first + t], opening[i, first + t] = answers[i], changes[i]
                 forces[i, first + t] = slopes[i, first + t] = 0.0

@@ -44,34 +44,34 @@ def fill_grip(model: int, state: int, scratch: int, on_q: int) -> None:
     """The responses to the finger whose weights the state has, of all outputs: the first `on_q` are displacements."""
     m, s, w = string_model(model), string_state(state), scratch_of(scratch)
     rows, n, contacts = m.rows, m.rows.shape[1], m.shapes.shape[0]
-    q, v, spare = w.q[:n], w.v[:n], w.spare
-    finger, weights = s.finger_weights[:n], s.finger_weights[:n].reshape(1, n)
+    q, v, spare = w.modes.q[:n], w.modes.v[:n], w.rows.spare
+    finger, weights = s.grip.weights[:n], s.grip.weights[:n].reshape(1, n)
     velocity = 0 if m.law == EXACT_HOLD else 1
-    own = finger_row(m.law, rows, m.shapes, finger, s.finger_coupling)
+    own = finger_row(m.law, rows, m.shapes, finger, s.grip.coupling)
     for j in range(n):
         q[j] = rows[KQ, j] * finger[j]
         v[j] = rows[KV, j] * finger[j]
     zero, one = int(np.int64(0)), int(np.int64(1))  # literals would have it compiled once more for each
-    fill_response(velocity, rows, q, v, weights, zero, spare, s.grip_own)
-    fill_response(velocity, rows, q, v, m.shapes, zero, spare, s.grip_contacts)
-    fill_response(zero, rows, q, v, m.weights[:on_q], zero, spare, s.grip_outputs[:on_q])
-    fill_response(one, rows, q, v, m.weights[on_q:], zero, spare, s.grip_outputs[on_q:])
-    s.grip_own[0, BLOCK] = own
+    fill_response(velocity, rows, q, v, weights, zero, spare, s.grip.own)
+    fill_response(velocity, rows, q, v, m.shapes, zero, spare, s.grip.contacts)
+    fill_response(zero, rows, q, v, m.weights[:on_q], zero, spare, s.grip.outputs[:on_q])
+    fill_response(one, rows, q, v, m.weights[on_q:], zero, spare, s.grip.outputs[on_q:])
+    s.grip.own[0, BLOCK] = own
     s.finger[0].own = own
     extents(m.omega, q, v, q)
     for c in range(contacts):
-        s.grip_contacts[c, BLOCK] = s.finger_coupling[c]
+        s.grip.contacts[c, BLOCK] = s.grip.coupling[c]
         total = 0.0
         for j in range(n):
             total += abs(m.shapes[c, j]) * q[j]
-        s.grip_far[c] = MARGIN * total
+        s.grip.far[c] = MARGIN * total
 
 
 @njit(inline="always")
 def _look_under(m, s, w, velocity: int, several: int, joined: int, at: int) -> None:
     """`blocks.look`, and the same of the finger's row, after the contacts', and of the first output where `joined`."""
-    n, rows, shapes, q, v, near, u = m.rows.shape[1], m.rows, m.shapes, s.q, s.v, w.near, w.u
-    touch, u_finger = s.finger_weights[:n], u[shapes.shape[0]]
+    n, rows, shapes, q, v, near, u = m.rows.shape[1], m.rows, m.shapes, s.q, s.v, w.rows.near, w.rows.u
+    touch, u_finger = s.grip.weights[:n], u[shapes.shape[0]]
     look(n, rows, shapes, q, v, velocity, near, several // 2 * 2, u)
     if joined and several % 2 == 1:
         last = shapes[near[several - 1]]
@@ -92,8 +92,8 @@ def _look_under(m, s, w, velocity: int, several: int, joined: int, at: int) -> N
 def _brings_down(several: int, pushes, s, w) -> bool:
     """Whether the pushes bring the string to one of the contacts near[:several], whose rows u are free."""
     for i in range(several):
-        c = w.near[i]
-        if any_forced_below(w.u[i], s.grip_contacts[c], pushes, s.eta[c]):
+        c = w.rows.near[i]
+        if any_forced_below(w.rows.u[i], s.grip.contacts[c], pushes, s.eta[c]):
             return True
     return False
 
@@ -125,17 +125,17 @@ def advance_under_finger(model: int, state: int, scratch: int, blocks: int, stri
     law, dt, n, points, on_q, contacts = m.law, m.dt, m.rows.shape[1], m.points, m.on_q, m.shapes.shape[0]
     rows, shapes, lags, q, v, eta = m.rows, m.shapes, m.lags, s.q, s.v, s.eta
     weights = m.weights[m.first : m.first + points]
-    grip_own, grip, grip_outputs = s.grip_own[0], s.grip_contacts, s.grip_outputs[m.first : m.first + points]
+    grip_own, grip, grip_outputs = s.grip.own[0], s.grip.contacts, s.grip.outputs[m.first : m.first + points]
     out, record = w.out[: points * stride].reshape(points, stride), w.record
     hold = law == EXACT_HOLD
-    near, u, forces, looked = w.near, w.u, w.forces, s.looked
-    u_finger, pushes, pull = u[contacts], forces[contacts], w.spare[2]
+    near, u, forces, looked = w.rows.near, w.rows.u, w.rows.forces, s.certificates.looked
+    u_finger, pushes, pull = u[contacts], forces[contacts], w.rows.spare[2]
     finger = s.finger[0]
     stiffness, resistance = finger.stiffness, finger.resistance
     blend, compliance = finger_blend(law, dt, stiffness, resistance)
     per_blend, stiff = 1.0 / blend, 1.0 / (grip_own[BLOCK] + compliance)
     follow = finger_target(law, dt, stiffness, resistance, 0.0, 0.0, 1.0) * per_blend * stiff
-    touch = s.finger_weights[:n]
+    touch = s.grip.weights[:n]
     joined = 1 if hold and on_q > 0 else 0  # of displacements too: the finger's pass has room for it
     result = SOLVED
     s.counts[MOVING] = m.modes
@@ -157,7 +157,7 @@ def advance_under_finger(model: int, state: int, scratch: int, blocks: int, stri
         while True:
             several = gather(looked[:contacts], near)
             _look_under(m, s, w, 0 if hold else 1, several, joined, at)
-            touched, true, status = not hold, w.spare[1], SOLVED
+            touched, true, status = not hold, w.rows.spare[1], SOLVED
             here = finger.here
             if hold and several == 1:
                 c = near[0]

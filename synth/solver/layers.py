@@ -45,7 +45,7 @@ def answer_with_layers(model: int, state: int, scratch: int) -> int:
     if contacts == 1:
         z[0] = _one(w.a[0, 0], s.eta[0] - y[0], s.eta[0] - s.u[0], layers[:, 0], m.dt)
         return SOLVED
-    b, enabled, active = w.b[: 2 * contacts], w.enabled[: 2 * contacts], w.active[: 2 * contacts]
+    b, enabled, active = w.pivot.b[: 2 * contacts], w.pivot.enabled[: 2 * contacts], w.pivot.active[: 2 * contacts]
     touching = False
     for c in range(contacts):
         depth = layers[DEPTH, c]
@@ -62,14 +62,14 @@ def answer_with_layers(model: int, state: int, scratch: int) -> int:
         z[c] = 0.0
     if not touching:
         return SOLVED
-    twice = w.matrix[: 4 * contacts * contacts].reshape(2 * contacts, 2 * contacts)
+    twice = w.pivot.matrix[: 4 * contacts * contacts].reshape(2 * contacts, 2 * contacts)
     for c in range(contacts):
         for d in range(contacts):
             mutual = w.a[c, d]
             twice[c, d] = twice[c, contacts + d] = twice[contacts + c, d] = twice[contacts + c, contacts + d] = mutual
         if layers[DEPTH, c] > 0.0:
             twice[c, c] += 1.0 / middle(layers[STIFFNESS, c], layers[RESISTANCE, c], m.dt)[0]
-    status, _, _ = pivot(twice, b, enabled, active, z, w.factor, w.order, int(np.int64(0)))
+    status, _, _ = pivot(twice, b, enabled, active, z, w.pivot.factor, w.pivot.order, int(np.int64(0)))
     for c in range(contacts):
         z[c] += z[contacts + c]
     return status
@@ -132,7 +132,7 @@ def settle(matrix, eta, raised: float, layers, scratch: int) -> int:
     """`static_forces` in Scratch.z of a string that nothing else holds, over contacts `raised` above η (C,) [m]: a status of
     `lcp`. matrix: `static_matrix`. The scratch is one for as many rows."""
     w, contacts, rows = scratch_of(scratch), eta.size, matrix.shape[0]
-    b, enabled, active, z = w.b[:rows], w.enabled[:rows], w.active[:rows], w.z[:rows]
+    b, enabled, active, z = w.pivot.b[:rows], w.pivot.enabled[:rows], w.pivot.active[:rows], w.z[:rows]
     touching = False
     for c in range(contacts):
         b[c] = -(eta[c] + raised)
@@ -147,7 +147,7 @@ def settle(matrix, eta, raised: float, layers, scratch: int) -> int:
         z[r] = 0.0
     if not touching:
         return SOLVED
-    status, _, _ = pivot(matrix, b, enabled, active, z, w.factor, w.order, int(np.int64(0)))
+    status, _, _ = pivot(matrix, b, enabled, active, z, w.pivot.factor, w.pivot.order, int(np.int64(0)))
     for r in range(contacts, rows):
         z[r - contacts] += z[r]
     return status

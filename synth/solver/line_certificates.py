@@ -49,11 +49,11 @@ _FAR_AWAY_M = 1e6
 @njit(cache=True, nogil=True, fastmath=FAST)
 def certify_line(coupling: int, line: int, scratch: int) -> int:
     """How many contacts free flight of a line, its end standing where it is, may touch: those whose clearance is not
-    positive after this. End.bound holds from here on."""
+    positive after this. End.certificate.bound holds from here on."""
     c, w = coupling_at(coupling), scratch_of(scratch)
-    m, s, e = string_model(c.line_model[line]), string_state(c.line_state[line]), end_at(c.line_end[line])
-    height, n = along(c, line, c.beta), s.counts[MOVING]
-    extent, moved = w.moved[0, :n], w.moved[1, :n]
+    m, s, e = string_model(c.lines.model[line]), string_state(c.lines.state[line]), end_at(c.lines.end[line])
+    height, n = along(c, line, c.bridge.beta), s.counts[MOVING]
+    extent, moved = w.modes.moved[0, :n], w.modes.moved[1, :n]
     time = BLOCK * c.frame
     extents(m.omega[:n], s.q[:n], s.v[:n], extent)
     for j in range(n):
@@ -65,14 +65,14 @@ def certify_line(coupling: int, line: int, scratch: int) -> int:
             size = abs(m.shapes[k, j])
             ever += size * extent[j]
             soon += size * moved[j]
-        e.bound[k] = MARGIN * soon
+        e.certificate.bound[k] = MARGIN * soon
         furthest = max(furthest, MARGIN * ever)
-        e.clearance[k] = e.leverage[k] * height - s.eta[k] - MARGIN * ever
-        if e.clearance[k] <= _RESERVE * e.numbers[SPENT]:  # would not last
-            e.clearance[k] = 0.0
+        e.certificate.clearance[k] = e.leverage[k] * height - s.eta[k] - MARGIN * ever
+        if e.certificate.clearance[k] <= _RESERVE * e.numbers[SPENT]:  # would not last
+            e.certificate.clearance[k] = 0.0
             near += 1
         else:
-            least = min(least, e.clearance[k])
+            least = min(least, e.certificate.clearance[k])
     e.numbers[SPENT] = 0.0
     e.numbers[LEAST] = least
     e.numbers[EVER] = furthest
@@ -87,17 +87,17 @@ def is_clear(coupling: int, line: int, scratch: int) -> bool:
     """Whether all contacts of a line that are not certified are out of reach for a block: within K frames free flight
     moves a contact by no more than Σ |φ_j| E_j min(2, ω_j K H), and End.numbers[SLACK] is what is left to the nearest."""
     c = coupling_at(coupling)
-    m, s, e = string_model(c.line_model[line]), string_state(c.line_state[line]), end_at(c.line_end[line])
+    m, s, e = string_model(c.lines.model[line]), string_state(c.lines.state[line]), end_at(c.lines.end[line])
     contacts = m.shapes.shape[0]
     if e.counts[QUIET] >= 0:
         if e.counts[QUIET] < _QUIET_BLOCKS:
             return False
         certify_line(coupling, line, scratch)
-    n, height, slack = m.modes, along(c, line, c.beta), _FAR_AWAY_M
+    n, height, slack = m.modes, along(c, line, c.bridge.beta), _FAR_AWAY_M
     for k in range(contacts):
-        if e.clearance[k] <= 0.0:
+        if e.certificate.clearance[k] <= 0.0:
             here = dot(m.shapes[k, :n], s.q[:n]) + e.leverage[k] * height - s.eta[k]
-            slack = min(slack, here - e.bound[k])
+            slack = min(slack, here - e.certificate.bound[k])
     e.numbers[SLACK] = slack - 2.0 * e.numbers[RISEN]
     return e.numbers[SLACK] > _RESERVE * e.numbers[LATELY]
 
@@ -106,20 +106,20 @@ def is_clear(coupling: int, line: int, scratch: int) -> bool:
 def _stirred(e) -> tuple[bool, bool]:
     """Whether a finger, and whether contacts of a line have pushed it in the last block."""
     looked = e.counts[KIND] >= SINGLE
-    return looked and e.pushed[0] > 0.0, looked and e.pushed[1] > 0.0
+    return looked and e.certificate.pushed[0] > 0.0, looked and e.certificate.pushed[1] > 0.0
 
 
 @njit(cache=True, nogil=True)
 def lasts(coupling: int, line: int, frames: int) -> bool:
     """Whether all contacts of a line that were not looked at in the last `frames` frames have some clearance left after what
-    bridge and finger have done; LATELY and LATELY_RISEN are the bridge's part, from End.kicks by frames. Forces of contacts
-    end every certificate."""
+    bridge and finger have done; LATELY and LATELY_RISEN are the bridge's part, from End.block.kicks by frames. Forces of
+    contacts end every certificate."""
     c = coupling_at(coupling)
-    s, e = string_state(c.line_state[line]), end_at(c.line_end[line])
+    s, e = string_state(c.lines.state[line]), end_at(c.lines.end[line])
     pushed, pressed = _stirred(e)
-    speed, kicked, moved = along(c, line, c.speed), 0.0, 0.0
+    speed, kicked, moved = along(c, line, c.bridge.speed), 0.0, 0.0
     for k in range(frames - 1, -1, -1):
-        turn = e.kicks[k]
+        turn = e.block.kicks[k]
         kicked += abs(turn)
         moved += abs(speed)
         speed -= turn
@@ -130,9 +130,9 @@ def lasts(coupling: int, line: int, frames: int) -> bool:
         return enough
     if not pushed:
         return enough and not pressed and e.numbers[LEAST] > e.numbers[LATELY]
-    for k in range(string_model(c.line_model[line]).shapes.shape[0]):
-        if e.clearance[k] > 0.0:
-            enough = enough and e.clearance[k] > e.numbers[LATELY] + s.grip_far[k] * e.pushed[0]
+    for k in range(string_model(c.lines.model[line]).shapes.shape[0]):
+        if e.certificate.clearance[k] > 0.0:
+            enough = enough and e.certificate.clearance[k] > e.numbers[LATELY] + s.grip.far[k] * e.certificate.pushed[0]
     return enough and not pressed
 
 
@@ -140,7 +140,7 @@ def lasts(coupling: int, line: int, frames: int) -> bool:
 def spend(coupling: int, line: int) -> None:
     """Take what the last block has done, by `lasts`, off a line's clearances."""
     c = coupling_at(coupling)
-    s, e = string_state(c.line_state[line]), end_at(c.line_end[line])
+    s, e = string_state(c.lines.state[line]), end_at(c.lines.end[line])
     pushed, pressed = _stirred(e)
     if pushed or pressed:
         e.counts[QUIET] = 0
@@ -149,10 +149,10 @@ def spend(coupling: int, line: int) -> None:
     e.numbers[SPENT] += e.numbers[LATELY]
     e.numbers[RISEN] += e.numbers[LATELY_RISEN]
     if e.counts[CERTIFIED] > 0:
-        least, clearance = _FAR_AWAY_M, e.clearance
-        for k in range(string_model(c.line_model[line]).shapes.shape[0]):
+        least, clearance = _FAR_AWAY_M, e.certificate.clearance
+        for k in range(string_model(c.lines.model[line]).shapes.shape[0]):
             if clearance[k] > 0.0:
-                clearance[k] -= e.numbers[LATELY] + (s.grip_far[k] * e.pushed[0] if pushed else 0.0)
+                clearance[k] -= e.numbers[LATELY] + (s.grip.far[k] * e.certificate.pushed[0] if pushed else 0.0)
                 least = min(least, clearance[k])
         e.numbers[LEAST] = least
 
@@ -163,9 +163,9 @@ def outlives_bend(end: int, ratio: float) -> bool:
     ratio, at most, and nothing else has: no E_j = √(q_j² + v_j²/ω_j²) has grown by more than 1/ratio."""
     e = end_at(end)
     lost = max(0.0, 1.0 / ratio - 1.0) * (e.numbers[EVER] + e.numbers[SPENT])
-    for k in range(e.clearance.size):
-        if e.clearance[k] > 0.0:
-            e.clearance[k] = max(0.0, e.clearance[k] - lost)
+    for k in range(e.certificate.clearance.size):
+        if e.certificate.clearance[k] > 0.0:
+            e.certificate.clearance[k] = max(0.0, e.certificate.clearance[k] - lost)
     e.numbers[SPENT] += lost
     e.numbers[LEAST] -= lost
     return e.numbers[LEAST] > CLEAR_ENOUGH * e.numbers[SPENT]
@@ -176,12 +176,12 @@ def runs_out(coupling: int, line: int, frames: int) -> bool:
     """Whether a finger that goes on pushing as it does may use up what is left to a certified contact in so many frames: it
     is better to ask the contacts then than to go through the block twice."""
     c = coupling_at(coupling)
-    s, e = string_state(c.line_state[line]), end_at(c.line_end[line])
+    s, e = string_state(c.lines.state[line]), end_at(c.lines.end[line])
     if s.finger[0].on == 0 or e.counts[CERTIFIED] == 0:
         return False
-    strength = _RESERVE * abs(s.finger[0].push) * (frames * c.steps[line])
-    for k in range(string_model(c.line_model[line]).shapes.shape[0]):
-        if e.clearance[k] > 0.0 and e.clearance[k] < s.grip_far[k] * strength:
+    strength = _RESERVE * abs(s.finger[0].push) * (frames * c.lines.steps[line])
+    for k in range(string_model(c.lines.model[line]).shapes.shape[0]):
+        if e.certificate.clearance[k] > 0.0 and e.certificate.clearance[k] < s.grip.far[k] * strength:
             return True
     return False
 
@@ -190,8 +190,8 @@ def runs_out(coupling: int, line: int, frames: int) -> bool:
 def look_everywhere(end: int) -> None:
     """No contact of a line is certified any more, nor clear for a while."""
     e = end_at(end)
-    for k in range(e.clearance.size):
-        e.clearance[k] = 0.0
+    for k in range(e.certificate.clearance.size):
+        e.certificate.clearance[k] = 0.0
     e.numbers[LEAST] = 0.0
     e.counts[CERTIFIED] = 0
     e.counts[QUIET] = 0

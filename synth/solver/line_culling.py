@@ -55,62 +55,62 @@ _OUTLASTED = 4.0
 def may_cull(coupling: int, line: int) -> bool:
     """Whether it pays: a line with many contacts that are not certified, which do not rub."""
     c = coupling_at(coupling)
-    if c.friction[line] > 0.0 or (line + 1 < c.friction.size and c.friction[line + 1] > 0.0):
+    if c.lines.friction[line] > 0.0 or (line + 1 < c.lines.friction.size and c.lines.friction[line + 1] > 0.0):
         return False
-    e = end_at(c.line_end[line])
+    e = end_at(c.lines.end[line])
     several = 0
-    for k in range(string_model(c.line_model[line]).shapes.shape[0]):
-        several += 1 if e.clearance[k] <= 0.0 else 0
+    for k in range(string_model(c.lines.model[line]).shapes.shape[0]):
+        several += 1 if e.certificate.clearance[k] <= 0.0 else 0
     return several >= c.culled_from
 
 
 @njit(cache=True, nogil=True, fastmath=FAST, error_model="numpy")
 def cull(coupling: int, line: int, scratch: int, steps: int) -> int:
-    """End.left, of the contacts that are not certified: > 0 where one need not be looked at for the line's next K steps, or
-    for all `steps` up to the end of the block if few need to even then; how many are to be looked at.
+    """End.block.left, of the contacts that are not certified: > 0 where one need not be looked at for the line's next K
+    steps, or for all `steps` up to the end of the block if few need to even then; how many are to be looked at.
 
     A line that goes by frames needs all of its contacts out of reach, certified or not.
     """
     c, w = coupling_at(coupling), scratch_of(scratch)
-    m, s, e = string_model(c.line_model[line]), string_state(c.line_state[line]), end_at(c.line_end[line])
+    m, s, e = string_model(c.lines.model[line]), string_state(c.lines.state[line]), end_at(c.lines.end[line])
     by_frames = e.counts[BY_FRAMES] != 0
-    n, height, finger = moving_modes(m, e), along(c, line, c.beta), s.finger[0]
+    n, height, finger = moving_modes(m, e), along(c, line, c.bridge.beta), s.finger[0]
     dt = c.frame if by_frames else m.dt
-    whole, soon, omega, q, v = w.moved[0, :n], w.moved[1, :n], m.omega, s.q, s.v
+    whole, soon, omega, q, v = w.modes.moved[0, :n], w.modes.moved[1, :n], m.omega, s.q, s.v
     push = finger.push if finger.on else 0.0
-    e.answer[FINGERS_PUSH] = push
+    e.block.answer[FINGERS_PUSH] = push
     per_mass, time, brief = push / m.mu, steps * dt, min(steps, BLOCK) * dt
     for j in range(n):
         period = 1.0 / omega[j]
-        away, speed = q[j] - per_mass * s.finger_weights[j] * (period * period), v[j] * period
+        away, speed = q[j] - per_mass * s.grip.weights[j] * (period * period), v[j] * period
         extent = MARGIN * np.sqrt(away * away + speed * speed)
         whole[j] = extent * min(2.0, omega[j] * time)
         soon[j] = extent * min(2.0, omega[j] * brief)
-    near, near_soon = _left_after(c, line, whole, soon, height, w.b)
-    e.known[LASTS] = steps
-    if steps > BLOCK and (near > (0 if by_frames else FEW) or e.known[CULLING] < LONG):
+    near, near_soon = _left_after(c, line, whole, soon, height, w.pivot.b)
+    e.block.known[LASTS] = steps
+    if steps > BLOCK and (near > (0 if by_frames else FEW) or e.block.known[CULLING] < LONG):
         for k in range(m.shapes.shape[0]):
-            e.left[k] = w.b[k]
-        e.known[LASTS] = BLOCK
+            e.block.left[k] = w.pivot.b[k]
+        e.block.known[LASTS] = BLOCK
         return near_soon
     return near
 
 
 @njit(fastmath=FAST, **INNER)
 def _left_after(c, line: int, whole, soon, height: float, left_soon) -> tuple[int, int]:
-    """End.left once each mode has moved by as much as in the whole time (n,), and the same by as much as soon; how many
-    contacts are to be looked at in either case."""
-    m, s, e = string_model(c.line_model[line]), string_state(c.line_state[line]), end_at(c.line_end[line])
+    """End.block.left once each mode has moved by as much as in the whole time (n,), and the same by as much as soon; how
+    many contacts are to be looked at in either case."""
+    m, s, e = string_model(c.lines.model[line]), string_state(c.lines.state[line]), end_at(c.lines.end[line])
     q, near, near_soon = s.q[: whole.size], 0, 0
-    reserve, held = _OF_THE_BRIDGE * e.numbers[LATELY], e.numbers[HELD_REACH] * abs(e.answer[FINGERS_PUSH])
+    reserve, held = _OF_THE_BRIDGE * e.numbers[LATELY], e.numbers[HELD_REACH] * abs(e.block.answer[FINGERS_PUSH])
     for k in range(m.shapes.shape[0]):
-        if e.left[k] == FOLLOWED and e.counts[BY_FRAMES] == 0:
+        if e.block.left[k] == FOLLOWED and e.counts[BY_FRAMES] == 0:
             left_soon[k] = FOLLOWED
             near += 1
             near_soon += 1
             continue
-        e.left[k] = left_soon[k] = 0.0
-        if e.clearance[k] <= 0.0 or e.counts[BY_FRAMES]:
+        e.block.left[k] = left_soon[k] = 0.0
+        if e.certificate.clearance[k] <= 0.0 or e.counts[BY_FRAMES]:
             shape, here, far, close = m.shapes[k, : whole.size], 0.0, 0.0, 0.0
             for j in range(whole.size):
                 reach = abs(shape[j])
@@ -122,7 +122,7 @@ def _left_after(c, line: int, whole, soon, height: float, left_soon) -> tuple[in
                 gap -= held
             least = max(reserve, _KEPT_BACK * gap)
             if gap - far > least:
-                e.left[k] = gap - far
+                e.block.left[k] = gap - far
             else:
                 near += 1
             if gap - close > least:
@@ -135,13 +135,13 @@ def _left_after(c, line: int, whole, soon, height: float, left_soon) -> tuple[in
 @njit(inline="always")
 def held_at_rest(m, s, j: int) -> float:
     """Where a unit push of the finger on a string holds mode j at rest [m·√m/N], of its StringModel m and StringState s."""
-    return s.finger_weights[j] / (m.mu * m.omega[j] * m.omega[j])
+    return s.grip.weights[j] / (m.mu * m.omega[j] * m.omega[j])
 
 
 @njit(fastmath=FAST, **INNER)
 def fill_held_at_rest(c, line: int, held) -> None:
     """held (≥ modes,): `held_at_rest` of the modes of a line that rest while it goes by frames; HELD_REACH of them."""
-    m, s, e = string_model(c.line_model[line]), string_state(c.line_state[line]), end_at(c.line_end[line])
+    m, s, e = string_model(c.lines.model[line]), string_state(c.lines.state[line]), end_at(c.lines.end[line])
     total = 0.0
     for j in range(e.counts[APART_MODES], m.modes):
         held[j] = held_at_rest(m, s, j)
@@ -151,46 +151,47 @@ def fill_held_at_rest(c, line: int, held) -> None:
 
 @njit(cache=True, nogil=True)
 def spend_left(coupling: int, line: int, first: int, turn: float, speed: float) -> None:
-    """Take what a frame has done off End.left: its line's end turned by `turn` and went at `speed`, and the finger and the
-    contacts pushed as they have from step `first` of the block on. End.known has it where something is used up."""
+    """Take what a frame has done off End.block.left: its line's end turned by `turn` and went at `speed`, and the finger
+    and the contacts pushed as they have from step `first` of the block on. End.block.known has it where something is used
+    up."""
     c = coupling_at(coupling)
-    m, s, e = string_model(c.line_model[line]), string_state(c.line_state[line]), end_at(c.line_end[line])
+    m, s, e = string_model(c.lines.model[line]), string_state(c.lines.state[line]), end_at(c.lines.end[line])
     steps, contacts, strength = steps_of(c, e, line), m.shapes.shape[0], 0.0
     if s.finger[0].on != 0:
         for t in range(first, first + steps):
-            strength += abs(e.forces[contacts, t] - e.answer[FINGERS_PUSH])
+            strength += abs(e.block.forces[contacts, t] - e.block.answer[FINGERS_PUSH])
     spent = e.numbers[KICK_REACH] * abs(turn) + e.numbers[LARGEST_LEVERAGE] * c.frame * abs(speed)
     for i in range(e.counts[NEAR]):
-        d, pressed = e.near[i], 0.0
+        d, pressed = e.block.near[i], 0.0
         for t in range(first, first + steps):
-            pressed += e.forces[i, t]
+            pressed += e.block.forces[i, t]
         if pressed > 0.0:
             for k in range(contacts):
-                if e.left[k] > 0.0:
-                    reached = e.stirred[k] * e.stirred[d] + abs(m.matrix[k, d])
-                    e.left[k] -= reached * pressed
-                    if e.left[k] <= 0.0:
-                        e.known[LASTS] = USED_UP
+                if e.block.left[k] > 0.0:
+                    reached = e.certificate.stirred[k] * e.certificate.stirred[d] + abs(m.matrix[k, d])
+                    e.block.left[k] -= reached * pressed
+                    if e.block.left[k] <= 0.0:
+                        e.block.known[LASTS] = USED_UP
     for k in range(contacts):
-        if e.left[k] > 0.0:
-            e.left[k] -= _taken(s, k, spent, strength)
-            if e.left[k] <= 0.0:
-                e.known[LASTS] = USED_UP
-    if e.known[LASTS] == USED_UP and e.counts[BY_FRAMES] == 0:
+        if e.block.left[k] > 0.0:
+            e.block.left[k] -= _taken(s, k, spent, strength)
+            if e.block.left[k] <= 0.0:
+                e.block.known[LASTS] = USED_UP
+    if e.block.known[LASTS] == USED_UP and e.counts[BY_FRAMES] == 0:
         for k in range(contacts):
-            if e.left[k] < 0.0 or 0.0 < e.left[k] <= _OUTLASTED * _taken(s, k, spent, strength):
-                e.left[k] = FOLLOWED
+            if e.block.left[k] < 0.0 or 0.0 < e.block.left[k] <= _OUTLASTED * _taken(s, k, spent, strength):
+                e.block.left[k] = FOLLOWED
 
 
 @njit(inline="always")
 def _taken(s, k: int, spent: float, strength: float) -> float:
     """What a frame takes off a contact's gap: what the bridge does, and the finger's pushes of this strength."""
-    return spent + (s.grip_far[k] * strength if strength > 0.0 else 0.0)
+    return spent + (s.grip.far[k] * strength if strength > 0.0 else 0.0)
 
 
 @njit(**INNER)
 def follow_none(end: int) -> None:
     """No contact is looked at because its gap was used up before."""
-    left = end_at(end).left
+    left = end_at(end).block.left
     for k in range(left.size):
         left[k] = max(0.0, left[k])

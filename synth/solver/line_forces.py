@@ -74,62 +74,62 @@ def look_at_line(model: int, state: int, end: int, steps: int, dt: float, speed:
     """
     m, s, e = string_model(model), string_state(state), end_at(end)
     rows, n, contacts = _rows_of(m, e), _moving(m, e), m.shapes.shape[0]
-    several, culled = int(np.int64(0)), e.known[CULLING] != NEVER
+    several, culled = int(np.int64(0)), e.block.known[CULLING] != NEVER
     for c in range(contacts):
-        if e.clearance[c] <= 0.0 and not (culled and e.left[c] > 0.0):
-            e.near[several] = c
+        if e.certificate.clearance[c] <= 0.0 and not (culled and e.block.left[c] > 0.0):
+            e.block.near[several] = c
             several += 1
         else:
             s.force[c] = 0.0
     e.counts[NEAR] = several
     finger = s.finger[0]
     e.counts[KIND] = SINGLE if several == 1 and finger.on == 0 and m.layers.shape[1] == 0 else SEVERAL
-    look(n, rows, m.shapes, s.q, s.v, 0, e.near, several // 2 * 2, e.u)
-    touch, last = s.finger_weights[:n], several - 1
-    finger_too = finger.on != 0 and e.known[AHEAD] == 0
-    e.known[AHEAD] = 0
+    look(n, rows, m.shapes, s.q, s.v, 0, e.block.near, several // 2 * 2, e.block.u)
+    touch, last = s.grip.weights[:n], several - 1
+    finger_too = finger.on != 0 and e.block.known[AHEAD] == 0
+    e.block.known[AHEAD] = 0
     by_steps = steps < _PULLED_BY_FRAMES
     if not by_steps:
         for frame in range(BLOCK // steps):
             early = steps * (frame + 1) < BLOCK
-            e.row[frame] = _pull_after(n, e.pull, e.flight[P21:ADV11] if early else rows[ADV21:], s.q, s.v)
+            e.block.row[frame] = _pull_after(n, e.pull, e.flight[P21:ADV11] if early else rows[ADV21:], s.q, s.v)
     if several % 2 == 1:
-        shape = m.shapes[e.near[last]]
+        shape = m.shapes[e.block.near[last]]
         if by_steps:
-            project_qv(n, rows, s.q, s.v, shape, e.pull, e.u[last], e.row)
+            project_qv(n, rows, s.q, s.v, shape, e.pull, e.block.u[last], e.block.row)
             if finger_too:
-                project_q(n, rows, s.q, s.v, touch, e.u[contacts])
+                project_q(n, rows, s.q, s.v, touch, e.block.u[contacts])
         elif finger_too:
-            project_qq(n, rows, s.q, s.v, shape, touch, e.u[last], e.u[contacts])
+            project_qq(n, rows, s.q, s.v, shape, touch, e.block.u[last], e.block.u[contacts])
         else:
-            project_q(n, rows, s.q, s.v, shape, e.u[last])
+            project_q(n, rows, s.q, s.v, shape, e.block.u[last])
     elif finger_too and by_steps:
-        project_qv(n, rows, s.q, s.v, touch, e.pull, e.u[contacts], e.row)
+        project_qv(n, rows, s.q, s.v, touch, e.pull, e.block.u[contacts], e.block.row)
     elif finger_too:
-        project_q(n, rows, s.q, s.v, touch, e.u[contacts])
+        project_q(n, rows, s.q, s.v, touch, e.block.u[contacts])
     elif by_steps:
-        project_v(n, rows, s.q, s.v, e.pull, e.row)
+        project_v(n, rows, s.q, s.v, e.pull, e.block.row)
     if finger.on:
-        _add_way(e.numbers[FINGER_LEVERAGE], 0.0, dt, speed, height, e.u[contacts], e.forces[contacts])
+        _add_way(e.numbers[FINGER_LEVERAGE], 0.0, dt, speed, height, e.block.u[contacts], e.block.forces[contacts])
     for i in range(several):
-        c = e.near[i]
-        _add_way(e.leverage[c], s.eta[c], dt, speed, height, e.u[i], e.forces[i])
+        c = e.block.near[i]
+        _add_way(e.leverage[c], s.eta[c], dt, speed, height, e.block.u[i], e.block.forces[i])
     if by_steps:
         for frame in range(BLOCK // steps):
-            e.row[frame] = e.row[(frame + 1) * steps - 1]
+            e.block.row[frame] = e.block.row[(frame + 1) * steps - 1]
     for k in range(BLOCK):
-        e.kicks[k] = 0.0
+        e.block.kicks[k] = 0.0
     if e.counts[KIND] == SINGLE:
         return
     note_matrix(model, end)
     if finger.on:
-        e.known[OF_SETS] = 0  # which have tables without a finger only
-        matrix = e.matrix[: several * several].reshape(several, several)
+        e.block.known[OF_SETS] = 0  # which have tables without a finger only
+        matrix = e.block.matrix[: several * several].reshape(several, several)
         _, compliance = finger_blend(EXACT_HOLD, m.dt, finger.stiffness, finger.resistance)
-        total = s.grip_own[0, BLOCK] + compliance
+        total = s.grip.own[0, BLOCK] + compliance
         for i in range(several):
             for d in range(several):
-                matrix[i, d] -= s.grip_contacts[e.near[i], BLOCK] * s.grip_contacts[e.near[d], BLOCK] / total
+                matrix[i, d] -= s.grip.contacts[e.block.near[i], BLOCK] * s.grip.contacts[e.block.near[d], BLOCK] / total
 
 
 @njit(inline="always")
@@ -165,9 +165,9 @@ def _add_way(leverage: float, eta: float, dt: float, speed: float, height: float
 def coast_line(model: int, state: int, end: int) -> None:
     """The free pull of a line that is clear of all contacts over K frames."""
     m, s, e = string_model(model), string_state(state), end_at(end)
-    project_v(padded(m.modes), e.flight, s.q, s.v, e.pull, e.row)
+    project_v(padded(m.modes), e.flight, s.q, s.v, e.pull, e.block.row)
     for k in range(BLOCK):
-        e.kicks[k] = 0.0
+        e.block.kicks[k] = 0.0
     for c in range(s.force.size):
         s.force[c] = 0.0
 
@@ -183,12 +183,12 @@ def answer_of_line(
     is that of the force by the speed, with the contacts that press as they are.
     """
     e = end_at(end)
-    e.known[LINEAR] = 1
+    e.block.known[LINEAR] = 1
     if e.counts[KIND] == SINGLE:
         force, slope, pattern = _one_contact(model, state, scratch, e, first, steps, turn)
         return force, slope, pattern, SOLVED
     if string_model(model).layers.shape[1] > 0:
-        e.known[LINEAR] = 0
+        e.block.known[LINEAR] = 0
         return answer_of_soft_line(model, state, end, scratch, first, at, steps, turn)
     fingered = string_state(state).finger[0].on != 0
     if e.counts[NEAR] == 0 and steps == BLOCK and fingered:
@@ -205,32 +205,33 @@ def answer_of_line(
 def follow_line(model: int, state: int, end: int, first: int, steps: int, turn: float) -> bool:
     """What `answer_of_line` gave last, at another `turn`; whether that is its answer: the same contacts press, no others."""
     e = end_at(end)
-    if e.known[LINEAR] == 0:
+    if e.block.known[LINEAR] == 0:
         return False
-    more = turn - e.answer[TURNED]
+    more = turn - e.block.answer[TURNED]
     holds = True
     for i in range(e.counts[NEAR]):
         for t in range(first, first + steps):
-            e.forces[i, t] += more * e.slopes[i, t]
-            e.apart[i, t] += more * e.opening[i, t]
-            holds = holds and e.forces[i, t] >= 0.0 and e.apart[i, t] >= 0.0
+            e.block.forces[i, t] += more * e.block.slopes[i, t]
+            e.block.apart[i, t] += more * e.block.opening[i, t]
+            holds = holds and e.block.forces[i, t] >= 0.0 and e.block.apart[i, t] >= 0.0
     if not holds:
         return False
     if string_state(state).finger[0].on != 0:
         finger = string_model(model).shapes.shape[0]
         for t in range(first, first + steps):
-            e.forces[finger, t] += more * e.slopes[finger, t]
-    e.answer[TURNED] = turn
-    e.answer[PUSHED] += more * e.answer[STEEPNESS]
+            e.block.forces[finger, t] += more * e.block.slopes[finger, t]
+    e.block.answer[TURNED] = turn
+    e.block.answer[PUSHED] += more * e.block.answer[STEEPNESS]
     return True
 
 
 @njit(inline="always")
 def _one_contact(model: int, state: int, scratch: int, e, first: int, steps: int, turn: float):
-    c = e.near[0]
-    lags, moved, reach = string_model(model).lags[c, c], e.moved[c], e.reach[c]
+    c = e.block.near[0]
+    lags, moved, reach = string_model(model).lags[c, c], e.responses.moved[c], e.responses.reach[c]
     stiffness = 1.0 / lags[BLOCK]
-    u, forces, slopes, apart, opening = e.u[0], e.forces[0], e.slopes[0], e.apart[0], e.opening[0]
+    rows = e.block
+    u, forces, slopes, apart, opening = rows.u[0], rows.forces[0], rows.slopes[0], rows.apart[0], rows.opening[0]
     force, slope, pattern = 0.0, 0.0, 0
     for t in range(steps):
         gap, change = u[first + t] + moved[BLOCK + t] * turn, moved[BLOCK + t]
@@ -261,12 +262,12 @@ def answer_by_frames(model: int, state: int, end: int, frame: int, at: int, step
     of what it gives over the frame, and the modes that rest follow at once.
     """
     m, s, e = string_model(model), string_state(state), end_at(end)
-    e.known[LINEAR] = 1
+    e.block.known[LINEAR] = 1
     finger, contacts, path, share = s.finger[0], m.shapes.shape[0], e.path, 1.0 / steps
-    gives, at_once = max(0.0, finger.own) * share, max(0.0, s.grip_own[0, BLOCK] - finger.own)
-    change = e.finger_moved[0, BLOCK] * share
+    gives, at_once = max(0.0, finger.own) * share, max(0.0, s.grip.own[0, BLOCK] - finger.own)
+    change = e.responses.finger_moved[0, BLOCK] * share
     string = finger.here - at_once * finger.push
-    drift = (e.u[contacts, frame] - string) * share + change * turn
+    drift = (e.block.u[contacts, frame] - string) * share + change * turn
     drag = finger.resistance * steps / dt
     blend = finger.stiffness + drag
     stiff = 1.0 / ((gives + at_once) * blend + 1.0)
@@ -284,30 +285,31 @@ def answer_by_frames(model: int, state: int, end: int, frame: int, at: int, step
         slope += more
     push *= share
     slope *= share
-    e.forces[contacts, frame], e.slopes[contacts, frame] = push, slope
-    return e.finger_reach[0, 0] * push, e.finger_reach[0, 0] * slope
+    e.block.forces[contacts, frame], e.block.slopes[contacts, frame] = push, slope
+    return e.responses.finger_reach[0, 0] * push, e.responses.finger_reach[0, 0] * slope
 
 
 @njit(**INNER)
 def _finger_alone(model: int, state: int, end: int, scratch: int, at: int, turn: float) -> tuple[float, float]:
     """Force and slope of a finger without contacts over K steps that are one frame."""
     m, s, e, w = string_model(model), string_state(state), end_at(end), scratch_of(scratch)
-    finger, contacts, pull, y = s.finger[0], m.shapes.shape[0], w.spare[0], w.spare[1]
+    finger, contacts, pull, y = s.finger[0], m.shapes.shape[0], w.rows.spare[0], w.rows.spare[1]
     blend, compliance = finger_blend(EXACT_HOLD, m.dt, finger.stiffness, finger.resistance)
-    stiff = 1.0 / (s.grip_own[0, BLOCK] + compliance)
+    stiff = 1.0 / (s.grip.own[0, BLOCK] + compliance)
     follow = finger.resistance / m.dt / blend * stiff
-    moved = e.finger_moved[0, BLOCK:]
+    moved = e.responses.finger_moved[0, BLOCK:]
     for k in range(BLOCK):
         target = finger_target(
             EXACT_HOLD, m.dt, finger.stiffness, finger.resistance, e.path[at + k], e.path[at + k + 1], 0.0
         )
         pull[k] = target / blend * stiff
-        y[k] = e.u[contacts, k] + moved[k] * turn
-    grip_sequence(pull, (stiff, follow, finger.here), y, s.grip_own[0], e.forces[contacts], w.spare[2])
+        y[k] = e.block.u[contacts, k] + moved[k] * turn
+    grip_sequence(pull, (stiff, follow, finger.here), y, s.grip.own[0], e.block.forces[contacts], w.rows.spare[2])
     for k in range(BLOCK):
         pull[k] = 0.0
-    grip_sequence(pull, (stiff, follow, 0.0), moved, s.grip_own[0], e.slopes[contacts], w.spare[2])
-    return dot(e.finger_reach[0], e.forces[contacts]), dot(e.finger_reach[0], e.slopes[contacts])
+    grip_sequence(pull, (stiff, follow, 0.0), moved, s.grip.own[0], e.block.slopes[contacts], w.rows.spare[2])
+    reach = e.responses.finger_reach[0]
+    return dot(reach, e.block.forces[contacts]), dot(reach, e.block.slopes[contacts])
 
 
 @njit(**INNER)
@@ -315,12 +317,12 @@ def _contacts_and_finger(
     model: int, state: int, end: int, scratch: int, first: int, at: int, steps: int, turn: float
 ) -> tuple[float, float, int, int]:
     m, s, e, w = string_model(model), string_state(state), end_at(end), scratch_of(scratch)
-    several, near, grip, finger = e.counts[NEAR], e.near, s.grip_contacts, s.finger[0]
-    forces, slopes, apart, opening, fingered = e.forces, e.slopes, e.apart, e.opening, finger.on != 0
-    gaps, moves = w.u, w.forces  # of the rows over these steps, and by the speed
+    several, near, grip, finger = e.counts[NEAR], e.block.near, s.grip.contacts, s.finger[0]
+    forces, slopes, apart, opening, fingered = e.block.forces, e.block.slopes, e.block.apart, e.block.opening, finger.on != 0
+    gaps, moves = w.rows.u, w.rows.forces  # of the rows over these steps, and by the speed
     begin_rows(m, s, e, w, first, steps, turn)
-    matrix = e.matrix[: several * several].reshape(several, several)
-    enabled, active, z, b = w.enabled[:several], w.active[:several], w.z[:several], w.b[:several]
+    matrix = e.block.matrix[: several * several].reshape(several, several)
+    enabled, active, z, b = w.pivot.enabled[:several], w.pivot.active[:several], w.z[:several], w.pivot.b[:several]
     for i in range(several):
         enabled[i] = 1
         active[i] = 1 if s.force[near[i]] > 0.0 else 0  # in the step before
@@ -338,25 +340,25 @@ def _contacts_and_finger(
             opening[i, first + t] = moves[i, t] + (grip[near[i], BLOCK] * push_slope if fingered else 0.0)
             forces[i, first + t] = slopes[i, first + t] = 0.0
         if touching:
-            bad, _, held = pivot(matrix, b, enabled, active, z, w.factor, w.order, held)
+            bad, _, held = pivot(matrix, b, enabled, active, z, w.pivot.factor, w.pivot.order, held)
             status = max(status, bad)
             for i in range(several):
                 forces[i, first + t] = z[i]
                 if active[i]:
                     if bad != SOLVED or z[i] == 0.0:
-                        e.known[LINEAR] = 0
+                        e.block.known[LINEAR] = 0
                     if s.due[near[i]]:
                         fill_due(model, state, scratch, near[i])
                     pattern = pattern * MIX + i * BLOCK + t + 1
                 b[i] = opening[i, first + t]
             # how they change while the same ones press; contacts solved one by one leave no factor
-            count = held if held > 0 else factorise(matrix, active, LEAST_PIVOT, w.factor, w.order, held)[0]
+            count = held if held > 0 else factorise(matrix, active, LEAST_PIVOT, w.pivot.factor, w.pivot.order, held)[0]
             if count > 0:
-                substitute(b, count, w.factor, w.order, z)
+                substitute(b, count, w.pivot.factor, w.pivot.order, z)
                 for i in range(several):
                     slopes[i, first + t] = z[i]
             else:
-                e.known[LINEAR] = 0
+                e.block.known[LINEAR] = 0
             for d in range(several):
                 if active[d]:
                     apart[d, first + t] = opening[d, first + t] = 0.0
@@ -378,56 +380,56 @@ def settle_line(model: int, state: int, end: int, frame: int, steps: int, turn: 
     steps, and of its own where it looks back, and on the pull at the ends of this and later frames."""
     e = end_at(end)
     kind = e.counts[KIND]
-    add_late(e.row, e.own[LOOKED_AT], frame, turn)
+    add_late(e.block.row, e.responses.own[LOOKED_AT], frame, turn)
     if kind == CLEAR:
-        e.kicks[frame] = turn
+        e.block.kicks[frame] = turn
         return
     m, s = string_model(model), string_state(state)
     several, contacts, fingered = e.counts[NEAR], m.shapes.shape[0], s.finger[0].on != 0
-    near, first = e.near, frame * steps
-    e.kicks[first] = turn
+    near, first = e.block.near, frame * steps
+    e.block.kicks[first] = turn
     if looks_back or first + steps < BLOCK:
         for d in range(several):
-            add_late(e.u[d], e.moved[near[d]], first, turn)
+            add_late(e.block.u[d], e.responses.moved[near[d]], first, turn)
         for t in range(first, first + steps):
             for i in range(several):
-                force = e.forces[i, t]
+                force = e.block.forces[i, t]
                 if force != 0.0:
                     for d in range(several):
-                        add_late(e.u[d], m.lags[near[d], near[i]], t, force)
+                        add_late(e.block.u[d], m.lags[near[d], near[i]], t, force)
             if fingered:
                 for d in range(several):
-                    add_late(e.u[d], s.grip_contacts[near[d]], t, e.forces[contacts, t])
+                    add_late(e.block.u[d], s.grip.contacts[near[d]], t, e.block.forces[contacts, t])
     if fingered:
-        add_late(e.u[contacts], e.finger_moved[0], first, turn)
+        add_late(e.block.u[contacts], e.responses.finger_moved[0], first, turn)
     for k in range(BLOCK):
-        e.drew[k] = 0.0
+        e.block.drew[k] = 0.0
     for i in range(several):
         c = near[i]
         for t in range(steps):
-            force = e.forces[i, first + t]
+            force = e.block.forces[i, first + t]
             if force != 0.0:
-                e.pushed[1] += force
+                e.certificate.pushed[1] += force
                 if fingered:
-                    add_late(e.u[contacts], s.grip_contacts[c], first + t, force)
+                    add_late(e.block.u[contacts], s.grip.contacts[c], first + t, force)
                 if steps == 1:
                     for k in range(BLOCK):
-                        e.drew[k] += e.drawn[c, k] * force
+                        e.block.drew[k] += e.responses.drawn[c, k] * force
                 else:
-                    _draw(e.drawn[c], frame, t, steps, force, e.row)
-        s.force[c] = e.forces[i, first + steps - 1]
+                    _draw(e.responses.drawn[c], frame, t, steps, force, e.block.row)
+        s.force[c] = e.block.forces[i, first + steps - 1]
     if fingered:
         for t in range(steps):
-            force = e.forces[contacts, first + t]
-            e.pushed[0] += abs(force)
-            add_late(e.u[contacts], s.grip_own[0], first + t, force)
-            _draw(e.finger_drawn[0], frame, t, steps, force, e.row)
+            force = e.block.forces[contacts, first + t]
+            e.certificate.pushed[0] += abs(force)
+            add_late(e.block.u[contacts], s.grip.own[0], first + t, force)
+            _draw(e.responses.finger_drawn[0], frame, t, steps, force, e.block.row)
         finger = s.finger[0]
-        finger.push = e.forces[contacts, first + steps - 1]
-        finger.here = e.u[contacts, first + steps - 1]
+        finger.push = e.block.forces[contacts, first + steps - 1]
+        finger.here = e.block.u[contacts, first + steps - 1]
     if steps == 1:
         for i in range(BLOCK - frame):
-            e.row[frame + i] += e.drew[i]
+            e.block.row[frame + i] += e.block.drew[i]
 
 
 @njit(inline="always")
@@ -445,12 +447,12 @@ def _pressed(e, several: int) -> int:
     for i in range(several):
         any_force = False
         for k in range(BLOCK):
-            any_force = any_force or e.forces[i, k] != 0.0
+            any_force = any_force or e.block.forces[i, k] != 0.0
         if any_force:
             if count < i:
-                e.near[count] = e.near[i]
+                e.block.near[count] = e.block.near[i]
                 for k in range(BLOCK):
-                    e.forces[count, k] = e.forces[i, k]
+                    e.block.forces[count, k] = e.block.forces[i, k]
             count += 1
     return count
 
@@ -466,36 +468,38 @@ def drive_line(model: int, state: int, end: int, steps: int, more: bool) -> None
     n, contacts = _moving(m, e), m.shapes.shape[0]
     rows, q, v = _rows_of(m, e), s.q, s.v
     if e.counts[KIND] == CLEAR:
-        kick(padded(m.modes), e.flight, q, v, e.kick, e.kicks)
+        kick(padded(m.modes), e.flight, q, v, e.kick, e.block.kicks)
         return
     pressed, fingered = _pressed(e, e.counts[NEAR]), s.finger[0].on != 0
-    touch, pushes = s.finger_weights[:n], e.forces[contacts]
+    touch, pushes = s.grip.weights[:n], e.block.forces[contacts]
     if steps == BLOCK:
-        add(e.kicks[0], e.kick[:n], v)
+        add(e.block.kicks[0], e.kick[:n], v)
         if fingered and pressed == 0:
             if more:
-                drive_q(n, rows, q, v, touch, pushes, touch, e.u[contacts])
-                e.known[AHEAD] = 1
+                drive_q(n, rows, q, v, touch, pushes, touch, e.block.u[contacts])
+                e.block.known[AHEAD] = 1
             else:
                 drive(n, rows, q, v, touch, pushes)
         elif fingered:
-            drive_listed_and_one(n, rows, q, v, pressed, e.near, m.shapes, e.forces, touch, pushes)
+            drive_listed_and_one(n, rows, q, v, pressed, e.block.near, m.shapes, e.block.forces, touch, pushes)
         elif pressed == 0:
             coast(n, rows, q, v)
         elif pressed == 1:
-            drive(n, rows, q, v, m.shapes[e.near[0]], e.forces[0])
+            drive(n, rows, q, v, m.shapes[e.block.near[0]], e.block.forces[0])
         else:
-            drive_listed(n, rows, q, v, pressed, e.near, m.shapes, e.forces)
+            drive_listed(n, rows, q, v, pressed, e.block.near, m.shapes, e.block.forces)
     elif fingered and pressed == 0:
-        drive_kicked(n, rows, q, v, touch, pushes, e.kick, e.kicks)
+        drive_kicked(n, rows, q, v, touch, pushes, e.kick, e.block.kicks)
     elif fingered:
-        drive_listed_and_one_kicked(n, rows, q, v, pressed, e.near, m.shapes, e.forces, touch, pushes, e.kick, e.kicks)
+        drive_listed_and_one_kicked(
+            n, rows, q, v, pressed, e.block.near, m.shapes, e.block.forces, touch, pushes, e.kick, e.block.kicks
+        )
     elif pressed == 0:
-        kick(n, rows, q, v, e.kick, e.kicks)
+        kick(n, rows, q, v, e.kick, e.block.kicks)
     elif pressed == 1:
-        drive_kicked(n, rows, q, v, m.shapes[e.near[0]], e.forces[0], e.kick, e.kicks)
+        drive_kicked(n, rows, q, v, m.shapes[e.block.near[0]], e.block.forces[0], e.kick, e.block.kicks)
     else:
-        drive_listed_kicked(n, rows, q, v, pressed, e.near, m.shapes, e.forces, e.kick, e.kicks)
+        drive_listed_kicked(n, rows, q, v, pressed, e.block.near, m.shapes, e.block.forces, e.kick, e.block.kicks)
 
 
 @njit(**INNER)
@@ -506,14 +510,14 @@ def step_line(model: int, state: int, end: int, steps: int) -> None:
     n = moving_modes(m, e)
     q, v = s.q[:n], s.v[:n]
     kq, kv = rows[4, :n], rows[5, :n]
-    add(e.kicks[0], e.kick[:n], v)
+    add(e.block.kicks[0], e.kick[:n], v)
     if e.counts[KIND] == CLEAR:
         fly(e.flight, q, v)
         return
     for t in range(steps):
         fly(rows, q, v)
         for i in range(e.counts[NEAR]):
-            if e.forces[i, t] != 0.0:
-                push_modes(q, v, kq, kv, m.shapes[e.near[i]], e.forces[i, t])
+            if e.block.forces[i, t] != 0.0:
+                push_modes(q, v, kq, kv, m.shapes[e.block.near[i]], e.block.forces[i, t])
         if s.finger[0].on != 0:
-            push_modes(q, v, kq, kv, s.finger_weights, e.forces[contacts, t])
+            push_modes(q, v, kq, kv, s.grip.weights, e.block.forces[contacts, t])

@@ -39,7 +39,7 @@ _PATIENCE = 3
 def rubs(coupling: int, line: int) -> bool:
     """Whether contacts of a line are those of the line before, where that presses them."""
     c = coupling_at(coupling)
-    return c.friction[line] > 0.0 and string_state(c.line_state[line]).finger[0].on == 0
+    return c.lines.friction[line] > 0.0 and string_state(c.lines.state[line]).finger[0].on == 0
 
 
 @njit(cache=True, nogil=True)
@@ -47,66 +47,66 @@ def rub_where_pressed(coupling: int, line: int, pressed: bool) -> None:
     """Before `line_forces.look_at_line`: of the contacts of a line with friction those are looked at that are in the line
     before, where that looks at any (`pressed`) and no finger is on."""
     c = coupling_at(coupling)
-    s, e, first = string_state(c.line_state[line]), end_at(c.line_end[line]), end_at(c.line_end[line - 1])
+    s, e, first = string_state(c.lines.state[line]), end_at(c.lines.end[line]), end_at(c.lines.end[line - 1])
     pressed = pressed and s.finger[0].on == 0
-    for k in range(e.clearance.size):
-        e.clearance[k] = first.clearance[k] if pressed else 1.0
+    for k in range(e.certificate.clearance.size):
+        e.certificate.clearance[k] = first.certificate.clearance[k] if pressed else 1.0
 
 
 @njit(**INNER)
 def answer_of_rubbed(
     model: int, state: int, end: int, first_end: int, friction: float, scratch: int, first: int, steps: int, turn: float
 ) -> tuple[float, float, float, int, int]:
-    """`line_forces.answer_of_line` of a second direction, once the first has its forces (End.forces and slopes): (mean force
-    on the bridge, its slope by the speed of its own end, by that of the first direction's, what contacts do, status)."""
+    """`line_forces.answer_of_line` of a second direction, once the first has its forces (End.block.forces and slopes): (mean
+    force on the bridge, its slope by the speed of its own end, by that of the first one's, what contacts do, status)."""
     m, s, e, one, w = string_model(model), string_state(state), end_at(end), end_at(first_end), scratch_of(scratch)
-    several, near, lags = e.counts[NEAR], e.near, m.lags
-    ways, moves = w.u, w.forces  # of the contacts over these steps, and by the speed of the own end
+    several, near, lags = e.counts[NEAR], e.block.near, m.lags
+    ways, moves = w.rows.u, w.rows.forces  # of the contacts over these steps, and by the speed of the own end
     others = w.record[: several * BLOCK].reshape(several, BLOCK)  # by that of the first direction's
-    a = e.matrix[: several * several].reshape(several, several)
+    a = e.block.matrix[: several * several].reshape(several, several)
     for i in range(several):
         for t in range(BLOCK):
-            ways[i, t] = e.u[i, first + t] + e.moved[near[i], BLOCK + t] * turn if t < steps else 0.0
-            moves[i, t] = e.moved[near[i], BLOCK + t] if t < steps else 0.0
+            ways[i, t] = e.block.u[i, first + t] + e.responses.moved[near[i], BLOCK + t] * turn if t < steps else 0.0
+            moves[i, t] = e.responses.moved[near[i], BLOCK + t] if t < steps else 0.0
             others[i, t] = 0.0
         for d in range(several):
             a[i, d] = lags[near[i], near[d], BLOCK]
     force, slope, cross, pattern, status = 0.0, 0.0, 0.0, 0, SOLVED
-    side, active, way, bound, z = w.enabled[:several], w.active[:several], w.b[:several], w.y[:several], w.z[:several]
-    right, change = w.after[:several], w.matrix[:several]
+    side, active, way = w.pivot.enabled[:several], w.pivot.active[:several], w.pivot.b[:several]
+    bound, z, right, change = w.y[:several], w.z[:several], w.modes.after[:several], w.pivot.matrix[:several]
     for t in range(steps):
         pressed = False
         for i in range(several):
-            bound[i] = friction * one.forces[i, first + t]
+            bound[i] = friction * one.block.forces[i, first + t]
             pressed = pressed or bound[i] > 0.0
             way[i] = ways[i, t] - (ways[i, t - 1] if t > 0 else s.u[near[i]])
-            e.forces[i, first + t] = 0.0
+            e.block.forces[i, first + t] = 0.0
         if not pressed:
             continue
         fill_those(model, state, scratch, near, several)
-        bad, held = hold_back(a, way, bound, side, active, right, w.factor, w.order, z)
+        bad, held = hold_back(a, way, bound, side, active, right, w.pivot.factor, w.pivot.order, z)
         status = max(status, bad)
         for i in range(several):
-            e.forces[i, first + t] = z[i]
+            e.block.forces[i, first + t] = z[i]
             pattern = pattern * MIX + (4 * t + 1 + side[i])
             right[i] = moves[i, t] - (moves[i, t - 1] if t > 0 else 0.0)
-        substitute(right, held, w.factor, w.order, change)
+        substitute(right, held, w.pivot.factor, w.pivot.order, change)
         for i in range(several):
-            e.slopes[i, first + t] = change[i]
+            e.block.slopes[i, first + t] = change[i]
         for i in range(several):
             right[i] = others[i, t] - (others[i, t - 1] if t > 0 else 0.0)
             for d in range(several):
-                right[i] += a[i, d] * _sliding(side[d]) * friction * one.slopes[d, first + t]
-        substitute(right, held, w.factor, w.order, change)
+                right[i] += a[i, d] * _sliding(side[d]) * friction * one.block.slopes[d, first + t]
+        substitute(right, held, w.pivot.factor, w.pivot.order, change)
         for i in range(several):
-            change[i] += _sliding(side[i]) * friction * one.slopes[i, first + t]
-            reach = e.reach[near[i], t]
+            change[i] += _sliding(side[i]) * friction * one.block.slopes[i, first + t]
+            reach = e.responses.reach[near[i], t]
             force += reach * z[i]
-            slope += reach * e.slopes[i, first + t]
+            slope += reach * e.block.slopes[i, first + t]
             cross += reach * change[i]
             for d in range(several):
                 add_late(ways[d], lags[near[d], near[i]], t, z[i])
-                add_late(moves[d], lags[near[d], near[i]], t, e.slopes[i, first + t])
+                add_late(moves[d], lags[near[d], near[i]], t, e.block.slopes[i, first + t])
                 add_late(others[d], lags[near[d], near[i]], t, change[i])
     return force, slope, cross, pattern, status
 

@@ -27,10 +27,10 @@ _NEARLY = 1.0 - 1e-9
 def note_gaps(coupling: int, line: int) -> None:
     """StringState.u of the contacts of a line that are not certified, from its modes."""
     c = coupling_at(coupling)
-    m, s, e = string_model(c.line_model[line]), string_state(c.line_state[line]), end_at(c.line_end[line])
-    height, contacts, n = along(c, line, c.beta), m.shapes.shape[0], m.modes
+    m, s, e = string_model(c.lines.model[line]), string_state(c.lines.state[line]), end_at(c.lines.end[line])
+    height, contacts, n = along(c, line, c.bridge.beta), m.shapes.shape[0], m.modes
     for k in range(contacts):
-        if e.clearance[k] <= 0.0:
+        if e.certificate.clearance[k] <= 0.0:
             here = dot(m.shapes[k, :n], s.q[:n]) + e.leverage[k] * height - s.eta[k]
             for d in range(contacts):
                 here += m.residual[k, d] * s.force[d]
@@ -42,7 +42,7 @@ def keep_gaps(state: int, end: int, last: int) -> None:
     """Gaps of soft contacts and of those that rub once a frame is decided whose last step is number `last` of the block."""
     s, e = string_state(state), end_at(end)
     for i in range(e.counts[NEAR]):
-        s.u[e.near[i]] = e.u[i, last]
+        s.u[e.block.near[i]] = e.block.u[i, last]
 
 
 @njit(**INNER)
@@ -51,13 +51,14 @@ def answer_of_soft_line(
 ) -> tuple[float, float, int, int]:
     """`line_forces.answer_of_line` of a line whose contacts have layers."""
     m, s, e, w = string_model(model), string_state(state), end_at(end), scratch_of(scratch)
-    several, near, dt, layers = e.counts[NEAR], e.near, m.dt, m.layers
-    gaps, moves, forces, slopes = w.u, w.forces, e.forces, e.slopes
-    grip, fingered = s.grip_contacts, s.finger[0].on != 0
+    several, near, dt, layers = e.counts[NEAR], e.block.near, m.dt, m.layers
+    gaps, moves, forces, slopes = w.rows.u, w.rows.forces, e.block.forces, e.block.slopes
+    grip, fingered = s.grip.contacts, s.finger[0].on != 0
     begin_rows(m, s, e, w, first, steps, turn)
     rows = 2 * several
-    twice, one = w.matrix[: rows * rows].reshape(rows, rows), e.matrix[: several * several].reshape(several, several)
-    enabled, active, z, b, change = w.enabled[:rows], w.active[:rows], w.z[:rows], w.b[:rows], w.y[:rows]
+    twice = w.pivot.matrix[: rows * rows].reshape(rows, rows)
+    one = e.block.matrix[: several * several].reshape(several, several)
+    enabled, active, z, b, change = w.pivot.enabled[:rows], w.pivot.active[:rows], w.z[:rows], w.pivot.b[:rows], w.y[:rows]
     for i in range(several):
         depth = layers[DEPTH, near[i]]
         for d in range(several):
@@ -91,7 +92,7 @@ def answer_of_soft_line(
             touching = touching or (depth > 0.0 and b[i] < 0.0) or b[several + i] < 0.0
             forces[i, first + t] = slopes[i, first + t] = 0.0
         if touching:
-            bad, _, held = pivot(twice, b, enabled, active, z, w.factor, w.order, held)
+            bad, _, held = pivot(twice, b, enabled, active, z, w.pivot.factor, w.pivot.order, held)
             status = max(status, bad)
             for i in range(several):
                 forces[i, first + t] = z[i] + z[several + i]
@@ -101,9 +102,9 @@ def answer_of_soft_line(
                 if z[i] > 0.0:
                     pattern = pattern * MIX + 4 * (i * BLOCK + t) + 3
             # contacts solved one by one leave no factor
-            count = held if held > 0 else factorise(twice, active, LEAST_PIVOT, w.factor, w.order, held)[0]
+            count = held if held > 0 else factorise(twice, active, LEAST_PIVOT, w.pivot.factor, w.pivot.order, held)[0]
             if count > 0:
-                substitute(change, count, w.factor, w.order, z)
+                substitute(change, count, w.pivot.factor, w.pivot.order, z)
                 for i in range(several):
                     slopes[i, first + t] = z[i] + z[several + i]
         more, steeper = act_on_rows(m, s, e, w, first, t, push, push_slope, total, True)

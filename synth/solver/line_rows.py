@@ -22,14 +22,14 @@ LEAST_PIVOT = 1e-16
 
 @njit(inline="always")
 def begin_rows(m, s, e, w, first: int, steps: int, turn: float) -> None:
-    """Scratch.u, and Scratch.forces as its slopes, of contacts and finger, from step `first` of the block on."""
+    """Scratch.rows.u, and Scratch.rows.forces as its slopes, of contacts and finger, from step `first` of the block on."""
     several, contacts = e.counts[NEAR], m.shapes.shape[0]
     for i in range(several + 1 if s.finger[0].on != 0 else several):
-        row = e.u[i] if i < several else e.u[contacts]
-        moved = e.moved[e.near[i]] if i < several else e.finger_moved[0]
+        row = e.block.u[i] if i < several else e.block.u[contacts]
+        moved = e.responses.moved[e.block.near[i]] if i < several else e.responses.finger_moved[0]
         for t in range(BLOCK):
-            w.u[i, t] = row[first + t] + moved[BLOCK + t] * turn if t < steps else 0.0
-            w.forces[i, t] = moved[BLOCK + t] if t < steps else 0.0
+            w.rows.u[i, t] = row[first + t] + moved[BLOCK + t] * turn if t < steps else 0.0
+            w.rows.forces[i, t] = moved[BLOCK + t] if t < steps else 0.0
 
 
 @njit(inline="always")
@@ -39,42 +39,42 @@ def push_of_finger(s, e, w, dt: float, step: int, t: int, here: float, here_slop
     finger, row = s.finger[0], e.counts[NEAR]
     blend, compliance = finger_blend(EXACT_HOLD, dt, finger.stiffness, finger.resistance)
     target = finger_target(EXACT_HOLD, dt, finger.stiffness, finger.resistance, e.path[step], e.path[step + 1], here)
-    total = s.grip_own[0, BLOCK] + compliance
-    slope = finger.resistance / dt * here_slope / blend - w.forces[row, t]
-    return (target / blend - w.u[row, t]) / total, slope / total, total
+    total = s.grip.own[0, BLOCK] + compliance
+    slope = finger.resistance / dt * here_slope / blend - w.rows.forces[row, t]
+    return (target / blend - w.rows.u[row, t]) / total, slope / total, total
 
 
 @njit(inline="always")
 def act_on_rows(
     m, s, e, w, first: int, t: int, push: float, push_slope: float, total: float, later: bool
 ) -> tuple[float, float]:
-    """Step t's forces, End.forces and slopes of the contacts and the finger's without them, act on the rows of it and later
-    steps: (mean force on the bridge, its slope). Without `later` ones the rows of contacts are left as they are."""
-    several, contacts, near, fingered = e.counts[NEAR], m.shapes.shape[0], e.near, s.finger[0].on != 0
+    """Step t's forces, End.block.forces and slopes of the contacts and the finger's without them, act on the rows of it and
+    later steps: (mean force on the bridge, its slope). Without `later` ones the rows of contacts are left as they are."""
+    several, contacts, near, fingered = e.counts[NEAR], m.shapes.shape[0], e.block.near, s.finger[0].on != 0
     force, slope = 0.0, 0.0
     if fingered:
         for i in range(several):
-            share_of_it = s.grip_contacts[near[i], BLOCK] / total
-            push -= share_of_it * e.forces[i, first + t]
-            push_slope -= share_of_it * e.slopes[i, first + t]
-        e.forces[contacts, first + t], e.slopes[contacts, first + t] = push, push_slope
-        add_late(w.u[several], s.grip_own[0], t, push)
-        add_late(w.forces[several], s.grip_own[0], t, push_slope)
-        force += e.finger_reach[0, t] * push
-        slope += e.finger_reach[0, t] * push_slope
+            share_of_it = s.grip.contacts[near[i], BLOCK] / total
+            push -= share_of_it * e.block.forces[i, first + t]
+            push_slope -= share_of_it * e.block.slopes[i, first + t]
+        e.block.forces[contacts, first + t], e.block.slopes[contacts, first + t] = push, push_slope
+        add_late(w.rows.u[several], s.grip.own[0], t, push)
+        add_late(w.rows.forces[several], s.grip.own[0], t, push_slope)
+        force += e.responses.finger_reach[0, t] * push
+        slope += e.responses.finger_reach[0, t] * push_slope
     for i in range(several):
         c = near[i]
         if fingered:
-            add_late(w.u[i], s.grip_contacts[c], t, push)
-            add_late(w.forces[i], s.grip_contacts[c], t, push_slope)
-        pressed, change = e.forces[i, first + t], e.slopes[i, first + t]
+            add_late(w.rows.u[i], s.grip.contacts[c], t, push)
+            add_late(w.rows.forces[i], s.grip.contacts[c], t, push_slope)
+        pressed, change = e.block.forces[i, first + t], e.block.slopes[i, first + t]
         if pressed > 0.0:
             for d in range(several if later else 0):
-                add_late(w.u[d], m.lags[near[d], c], t, pressed)
-                add_late(w.forces[d], m.lags[near[d], c], t, change)
+                add_late(w.rows.u[d], m.lags[near[d], c], t, pressed)
+                add_late(w.rows.forces[d], m.lags[near[d], c], t, change)
             if fingered:
-                add_late(w.u[several], s.grip_contacts[c], t, pressed)
-                add_late(w.forces[several], s.grip_contacts[c], t, change)
-            force += e.reach[c, t] * pressed
-            slope += e.reach[c, t] * change
+                add_late(w.rows.u[several], s.grip.contacts[c], t, pressed)
+                add_late(w.rows.forces[several], s.grip.contacts[c], t, change)
+            force += e.responses.reach[c, t] * pressed
+            slope += e.responses.reach[c, t] * change
     return force, slope

@@ -54,25 +54,25 @@ def set_apart_modes(end: int) -> None:
 
 @njit(cache=True, nogil=True, fastmath=FAST)
 def fill_apart(end: int, scratch_q, scratch_v, spare) -> None:
-    """End.own and share of a line that is not looked at, from End.kick, pull and the first APART_MODES modes of flight.
-    Work space (≥n,) and (2, K)."""
+    """End.responses.own and share of a line that is not looked at, from End.kick, pull and the first APART_MODES modes of
+    flight. Work space (≥n,) and (2, K)."""
     e = end_at(end)
     moving = e.counts[APART_MODES]
     _fill_own(e, APART, moving, scratch_q[: padded(moving)], scratch_v[: padded(moving)], spare)
-    e.single_of[0] = np.nan  # what is float32 is to be made anew
+    e.single.of[0] = np.nan  # what is float32 is to be made anew
 
 
 @njit(inline="always")
 def _fill_own(e, kind: int, moving: int, q, v, spare) -> None:
-    """A row of End.own and share, from End.kick, pull and the first `moving` modes of flight. Work space (≥ moving,)."""
+    """A row of End.responses.own and share, of the first `moving` modes of flight. Work space (≥ moving,)."""
     zero, one = int(np.int64(0)), int(np.int64(1))
     share = 0.0
     for j in range(q.size):
         q[j] = e.flight[P12, j] * e.kick[j] if j < moving else 0.0
         v[j] = e.flight[P22, j] * e.kick[j] if j < moving else 0.0
         share += e.kick[j] * e.kick[j] if j < moving else 0.0
-    e.share[kind] = share
-    fill_response(one, e.flight, q, v, e.pull.reshape(1, e.pull.size), zero, spare, e.own[kind : kind + 1])
+    e.responses.share[kind] = share
+    fill_response(one, e.flight, q, v, e.pull.reshape(1, e.pull.size), zero, spare, e.responses.own[kind : kind + 1])
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
@@ -89,18 +89,19 @@ def fill_looked_at(model: int, end: int, steps: int, scratch_q, scratch_v, spare
         for j in range(n):
             q[j] = rows[P12, j] * kick[j]
             v[j] = rows[P22, j] * kick[j]
-        fill_response(zero, rows, q, v, m.shapes, zero, spare, e.moved)
+        fill_response(zero, rows, q, v, m.shapes, zero, spare, e.responses.moved)
         none = m.matrix.reshape(-1)[:0].reshape(0, 0)
-        fill_lags(one, rows, m.shapes, pull, none, q, v, spare, e.pulled)
+        fill_lags(one, rows, m.shapes, pull, none, q, v, spare, e.block.pulled)
+        to = e.responses
         for c in range(contacts):
-            _fill_reach(steps, m.dt, e.leverage[c], e.pulled[0, c], e.moved[c], e.reach[c], e.drawn[c])
+            _fill_reach(steps, m.dt, e.leverage[c], e.block.pulled[0, c], to.moved[c], to.reach[c], to.drawn[c])
         after = scratch_q[: m.modes]  # extents after a unit push
         extents(m.omega[: m.modes], rows[KQ], rows[KV], after)
         for c in range(contacts):
             own = 0.0
             for j in range(m.modes):
                 own += m.shapes[c, j] * m.shapes[c, j] * after[j]
-            e.stirred[c] = np.sqrt(MARGIN * own)
+            e.certificate.stirred[c] = np.sqrt(MARGIN * own)
 
 
 @njit(**INNER)
@@ -129,26 +130,27 @@ def _fill_finger_end(rows, n: int, dt: float, model: int, state: int, end: int, 
     """The same of n modes with these rows of a step of dt [s], so many a frame."""
     m, s, e = string_model(model), string_state(state), end_at(end)
     q, v = scratch_q[:n], scratch_v[:n]
-    finger, zero, one = s.finger_weights[:n].reshape(1, n), int(np.int64(0)), int(np.int64(1))
+    finger, zero, one = s.grip.weights[:n].reshape(1, n), int(np.int64(0)), int(np.int64(1))
     for j in range(n):
         q[j] = rows[P12, j] * e.kick[j]
         v[j] = rows[P22, j] * e.kick[j]
-    fill_response(zero, rows, q, v, finger, zero, spare, e.finger_moved)
+    fill_response(zero, rows, q, v, finger, zero, spare, e.responses.finger_moved)
     for j in range(n):
         q[j] = rows[4, j] * finger[0, j]
         v[j] = rows[5, j] * finger[0, j]
     contacts = m.shapes.shape[0]
-    pulled = e.pulled[0, contacts:]
+    pulled = e.block.pulled[0, contacts:]
     fill_response(one, rows, q, v, e.pull[:n].reshape(1, n), zero, spare, pulled)
     lever = e.numbers[FINGER_LEVERAGE]
-    _fill_reach(steps, dt, lever, pulled[0], e.finger_moved[0], e.finger_reach[0], e.finger_drawn[0])
+    to = e.responses
+    _fill_reach(steps, dt, lever, pulled[0], to.finger_moved[0], to.finger_reach[0], to.finger_drawn[0])
 
 
 @njit(cache=True, nogil=True)
 def ensure_tables(coupling: int, line: int, scratch: int) -> None:
-    """All that is due of a line is filled. Works in Scratch.q, v and spare."""
+    """All that is due of a line is filled. Works in Scratch.modes.q, v and spare."""
     c, w = coupling_at(coupling), scratch_of(scratch)
-    model, end = c.line_model[line], c.line_end[line]
+    model, end = c.lines.model[line], c.lines.end[line]
     m, e = string_model(model), end_at(end)
     if e.counts[DUE] == READY:
         return
@@ -156,12 +158,12 @@ def ensure_tables(coupling: int, line: int, scratch: int) -> None:
         fill_step(model, e.sigma)
         if m.shapes.shape[0] > 0:
             fill_contact_matrix(model, e.numbers[RELIEF])
-            put_off(model, c.line_state[line])
+            put_off(model, c.lines.state[line])
     n = m.modes
     e.flight[:6, n:] = 0.0
     quick_coefficients(EXACT_HOLD, m.omega[:n], e.sigma[:n], m.mu, c.frame, e.flight)
     fill_rows(e.flight)
-    fill_looked_at(model, end, c.steps[line], w.q, w.v, w.spare)
+    fill_looked_at(model, end, c.lines.steps[line], w.modes.q, w.modes.v, w.rows.spare)
     e.counts[DUE] = READY
 
 
@@ -169,23 +171,23 @@ def ensure_tables(coupling: int, line: int, scratch: int) -> None:
 def _rest_no_more(coupling: int, line: int, scratch: int) -> None:
     """All modes of a line that are heard move again while it is not looked at."""
     c, w = coupling_at(coupling), scratch_of(scratch)
-    end = c.line_end[line]
+    end = c.lines.end[line]
     e = end_at(end)
     e.counts[RESTING] = 0
     if e.counts[HEARD_MODES] > e.counts[APART_MODES]:
         ensure_tables(coupling, line, scratch)  # the flight of all modes among them
         set_apart_modes(end)
-        fill_apart(end, w.q, w.v, w.spare)
+        fill_apart(end, w.modes.q, w.modes.v, w.rows.spare)
 
 
 @njit(cache=True, nogil=True)
 def fill_finger(coupling: int, line: int, scratch: int) -> None:
     """Responses of a line that is looked at in its own steps to the finger on it, whose weights its state has."""
     c, w = coupling_at(coupling), scratch_of(scratch)
-    model, state, end = c.line_model[line], c.line_state[line], c.line_end[line]
+    model, state, end = c.lines.model[line], c.lines.state[line], c.lines.end[line]
     ensure_tables(coupling, line, scratch)
     fill_grip(model, state, scratch, int(np.int64(1)))
-    fill_finger_end(model, state, end, c.steps[line], w.q, w.v, w.spare)
+    fill_finger_end(model, state, end, c.lines.steps[line], w.modes.q, w.modes.v, w.rows.spare)
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
@@ -194,9 +196,9 @@ def go_by_frames(coupling: int, line: int, scratch: int) -> bool:
     out of reach for a block of frames; whether they are. `gather_lines` then. Its End.flight must be as its modes are.
     """
     c, w = coupling_at(coupling), scratch_of(scratch)
-    model, state, end = c.line_model[line], c.line_state[line], c.line_end[line]
+    model, state, end = c.lines.model[line], c.lines.state[line], c.lines.end[line]
     m, s, e = string_model(model), string_state(state), end_at(end)
-    before, held = e.counts[BY_FRAMES], w.moved[2]
+    before, held = e.counts[BY_FRAMES], w.modes.moved[2]
     e.counts[BY_FRAMES] = 1
     fill_held_at_rest(c, line, held)
     if m.shapes.shape[0] > 0 and cull(coupling, line, scratch, int(np.int64(BLOCK))) > 0:
@@ -208,42 +210,42 @@ def go_by_frames(coupling: int, line: int, scratch: int) -> bool:
         n = e.counts[APART_MODES]
         quick_coefficients(EXACT_HOLD, m.omega[:n], e.sigma[:n], m.mu, c.frame, e.flight)
         complete_rows(e.flight, padded(n))
-        fill_apart(end, w.q, w.v, w.spare)
+        fill_apart(end, w.modes.q, w.modes.v, w.rows.spare)
         fill_held_at_rest(c, line, held)
     look_everywhere(end)
     e.counts[ENGAGED] = 1
     residual, finger_at = 0.0, s.finger[0]
     if before:  # what rests is in it already
-        finger_at.here -= (s.grip_own[0, BLOCK] - finger_at.own) * finger_at.push
+        finger_at.here -= (s.grip.own[0, BLOCK] - finger_at.own) * finger_at.push
     for j in range(e.counts[APART_MODES], m.modes):  # which follow the finger as if at rest
-        residual += s.finger_weights[j] * held[j]
+        residual += s.grip.weights[j] * held[j]
         if j < s.counts[MOVING]:
-            finger_at.here -= s.finger_weights[j] * s.q[j]
+            finger_at.here -= s.grip.weights[j] * s.q[j]
     finger_at.here += residual * finger_at.push
     _rest_above(c, line)
     # what it does to its end is that of a line that is apart, and what it does in its own steps waits
-    e.share[LOOKED_AT] = e.share[APART]
+    e.responses.share[LOOKED_AT] = e.responses.share[APART]
     for k in range(2 * BLOCK):
-        e.own[LOOKED_AT, k] = e.own[APART, k]
+        e.responses.own[LOOKED_AT, k] = e.responses.own[APART, k]
     if e.counts[DUE] == READY:
         e.counts[DUE] = TABLES_DUE
     n = padded(moving_modes(m, e))
-    q, v, finger = w.q[:n], w.v[:n], s.finger_weights[:n].reshape(1, n)
+    q, v, finger = w.modes.q[:n], w.modes.v[:n], s.grip.weights[:n].reshape(1, n)
     own = 0.0
     for j in range(n):
         q[j], v[j] = e.flight[KQ, j] * finger[0, j], e.flight[KV, j] * finger[0, j]
         own += finger[0, j] * q[j]
     zero = int(np.int64(0))
-    fill_response(zero, e.flight, q, v, finger, zero, w.spare, s.grip_own)
+    fill_response(zero, e.flight, q, v, finger, zero, w.rows.spare, s.grip.own)
     finger_at.own = own
-    s.grip_own[0, BLOCK] = own + residual
+    s.grip.own[0, BLOCK] = own + residual
     extents(m.omega[:n], q, v, q)
     for k in range(m.shapes.shape[0]):
         total = 0.0
         for j in range(n):
             total += abs(m.shapes[k, j]) * q[j]
-        s.grip_far[k] = MARGIN * (total + e.numbers[HELD_REACH])
-    _fill_finger_end(e.flight, n, c.frame, model, state, end, int(np.int64(1)), w.q, w.v, w.spare)
+        s.grip.far[k] = MARGIN * (total + e.numbers[HELD_REACH])
+    _fill_finger_end(e.flight, n, c.frame, model, state, end, int(np.int64(1)), w.modes.q, w.modes.v, w.rows.spare)
     return True
 
 
@@ -252,7 +254,7 @@ def look_at(coupling: int, line: int, engaged: int, scratch: int) -> None:
     """Begin to look at the contacts of a line, or leave off; `gather_lines` once all are so. What is above the band of one
     that is not looked at comes to rest."""
     c = coupling_at(coupling)
-    e, s = end_at(c.line_end[line]), string_state(c.line_state[line])
+    e, s = end_at(c.lines.end[line]), string_state(c.lines.state[line])
     went_by_frames = e.counts[BY_FRAMES] != 0
     e.counts[ENGAGED] = engaged
     e.counts[BY_FRAMES] = 0
@@ -260,7 +262,7 @@ def look_at(coupling: int, line: int, engaged: int, scratch: int) -> None:
         if e.counts[RESTING]:
             _rest_no_more(coupling, line, scratch)
         ensure_tables(coupling, line, scratch)
-        s.counts[MOVING] = string_model(c.line_model[line]).modes
+        s.counts[MOVING] = string_model(c.lines.model[line]).modes
         if went_by_frames:
             _bend_above(c, line)
         return
@@ -270,7 +272,7 @@ def look_at(coupling: int, line: int, engaged: int, scratch: int) -> None:
 @njit(inline="always")
 def _rest_above(c, line: int) -> None:
     """The modes of a line that move only while it is looked at in its own steps come to rest."""
-    e, s = end_at(c.line_end[line]), string_state(c.line_state[line])
+    e, s = end_at(c.lines.end[line]), string_state(c.lines.state[line])
     for j in range(e.counts[APART_MODES], s.counts[MOVING]):
         s.q[j] = 0.0
         s.v[j] = 0.0
@@ -280,11 +282,11 @@ def _rest_above(c, line: int) -> None:
 @njit(inline="always")
 def _bend_above(c, line: int) -> None:
     """The modes of a line that rested while it went by frames are where the finger's last push holds them."""
-    e, s, m = end_at(c.line_end[line]), string_state(c.line_state[line]), string_model(c.line_model[line])
+    e, s, m = end_at(c.lines.end[line]), string_state(c.lines.state[line]), string_model(c.lines.model[line])
     push = s.finger[0].push
     if push == 0.0:
         return
-    look_everywhere(c.line_end[line])  # no certificate knows of them
+    look_everywhere(c.lines.end[line])  # no certificate knows of them
     for j in range(e.counts[APART_MODES], m.modes):
         s.q[j] = push * held_at_rest(m, s, j)
         s.v[j] = 0.0

@@ -53,13 +53,13 @@ def solve_sequence(model: int, state: int, scratch: int, several: int, at: int) 
     """K steps of any law at contacts near[:several] and at the finger that is on, along Scratch.path[at:]: a status of
     `lcp`.
 
-    Scratch.forces, with a finger's pushes in the row behind the contacts', from the free rows Scratch.u, which become the
-    true ones, of displacements.
+    Scratch.rows.forces, with a finger's pushes in the row behind the contacts', from the free rows Scratch.rows.u, which
+    become the true ones, of displacements.
     """
     m, s, w = string_model(model), string_state(state), scratch_of(scratch)
     law, dt, restitution, lags, contacts = m.law, m.dt, m.restitution, m.lags, m.shapes.shape[0]
-    near, u, forces, b, z = w.near, w.u, w.forces, w.b, w.z
-    eta, u_contact, v_contact, grip_own, grip = s.eta, s.u, s.v_contact, s.grip_own[0], s.grip_contacts
+    near, u, forces, b, z = w.rows.near, w.rows.u, w.rows.forces, w.pivot.b, w.z
+    eta, u_contact, v_contact, grip_own, grip = s.eta, s.u, s.v_contact, s.grip.own[0], s.grip.contacts
     finger, u_finger, pushes = s.finger[0], u[contacts], forces[contacts]
     hold, fingered = law == EXACT_HOLD, finger.on != 0
     stiffness, resistance, here = finger.stiffness, finger.resistance, finger.here
@@ -68,9 +68,9 @@ def solve_sequence(model: int, state: int, scratch: int, several: int, at: int) 
         blend, compliance = finger_blend(law, dt, stiffness, resistance)
         per_blend, per_total = 1.0 / blend, 1.0 / (grip_own[BLOCK] + compliance)
     ahead = 0.5 * dt if law == MOREAU_JEAN_FILTERED else 0.0
-    _fill_matrix(model, state, near, several, w.matrix)
-    matrix = w.matrix[: several * several].reshape(several, several)
-    enabled, active = w.enabled[:several], w.active[:several]
+    _fill_matrix(model, state, near, several, w.pivot.matrix)
+    matrix = w.pivot.matrix[: several * several].reshape(several, several)
+    enabled, active = w.pivot.enabled[:several], w.pivot.active[:several]
     for i in range(several):
         enabled[i] = 1
         active[i] = 0
@@ -100,7 +100,7 @@ def solve_sequence(model: int, state: int, scratch: int, several: int, at: int) 
             if several == 1:
                 z[0] = single(matrix[0, 0], b[0])
             else:
-                bad, _, held = pivot(matrix, b[:several], enabled, active, z[:several], w.factor, w.order, held)
+                bad, _, held = pivot(matrix, b[:several], enabled, active, z[:several], w.pivot.factor, w.pivot.order, held)
                 if bad != SOLVED:
                     status = bad
             for i in range(several):
@@ -134,7 +134,7 @@ def solve_sequence(model: int, state: int, scratch: int, several: int, at: int) 
 def strike_sequence(model: int, state: int, scratch: int) -> None:
     """`solve_sequence` of Moreau–Jean over one contact without a finger, what goes from step to step in registers."""
     m, s, w = string_model(model), string_state(state), scratch_of(scratch)
-    u, forces, response, eta, dt, restitution = w.u[0], w.forces[0], m.lags[0, 0], s.eta[0], m.dt, m.restitution
+    u, forces, response, eta, dt, restitution = w.rows.u[0], w.rows.forces[0], m.lags[0, 0], s.eta[0], m.dt, m.restitution
     ahead = 0.5 * dt if m.law == MOREAU_JEAN_FILTERED else 0.0
     here, speed, stiffness = s.u[0], s.v_contact[0], 1.0 / response[BLOCK]
     for k in range(BLOCK):
@@ -156,20 +156,20 @@ def others_stay_clear(
     """Whether the forces at near[:several], where it is touched, and a finger's pushes, Σ|p| = strength, leave every contact
     that was not looked at out of reach; those that they do not are looked at, up to step number `until`."""
     m, s, w = string_model(model), string_state(state), scratch_of(scratch)
-    pushes, y, clear = w.forces[m.shapes.shape[0]], w.spare[0], True
+    pushes, y, clear = w.rows.forces[m.shapes.shape[0]], w.rows.spare[0], True
     for c in range(m.shapes.shape[0]):
-        if s.looked[c] == 0 and (touched or s.margin[c] <= s.grip_far[c] * strength):
+        if s.certificates.looked[c] == 0 and (touched or s.certificates.margin[c] <= s.grip.far[c] * strength):
             for k in range(BLOCK):
                 y[k] = 0.0
             for i in range(several if touched else 0):
-                add_forced(y, m.lags[c, w.near[i]], w.forces[i])
+                add_forced(y, m.lags[c, w.rows.near[i]], w.rows.forces[i])
             if s.finger[0].on:
-                inside = any_forced_below(y, s.grip_contacts[c], pushes, -s.margin[c])
+                inside = any_forced_below(y, s.grip.contacts[c], pushes, -s.certificates.margin[c])
             else:
-                inside = any_below(y, -s.margin[c])
+                inside = any_below(y, -s.certificates.margin[c])
             if inside:
-                s.looked[c] = 1
-                s.until[c] = until
+                s.certificates.looked[c] = 1
+                s.certificates.until[c] = until
                 clear = False
     return clear
 
@@ -180,11 +180,11 @@ def end_certificates(model: int, state: int, touched: bool, strength: float) -> 
     is less now, and those that were not looked at are asked for anew where forces or pushes have ended theirs."""
     s = string_state(state)
     for c in range(string_model(model).shapes.shape[0]):
-        s.renewed[c] = -1
-        if s.looked[c] == 0:
-            s.margin[c] -= s.grip_far[c] * strength
-            if touched or s.margin[c] <= 0.0:
-                s.until[c] = s.counts[CLOCK]
+        s.certificates.renewed[c] = -1
+        if s.certificates.looked[c] == 0:
+            s.certificates.margin[c] -= s.grip.far[c] * strength
+            if touched or s.certificates.margin[c] <= 0.0:
+                s.certificates.until[c] = s.counts[CLOCK]
 
 
 @njit(**INNER)
@@ -193,8 +193,8 @@ def note_forces(model: int, scratch: int, several: int, at: int, stride: int) ->
     m, w = string_model(model), scratch_of(scratch)
     contacts = m.shapes.shape[0]
     for i in range(several):
-        c = w.near[i]
+        c = w.rows.near[i]
         for k in range(BLOCK):
-            w.record[(at + k) * contacts + c] = w.forces[i, k]
+            w.record[(at + k) * contacts + c] = w.rows.forces[i, k]
         for p in range(m.points):
-            add_forced(w.out[p * stride + at :], m.out_lags[m.first + p, c], w.forces[i])
+            add_forced(w.out[p * stride + at :], m.out_lags[m.first + p, c], w.rows.forces[i])

@@ -11,10 +11,13 @@ and loss are right to a part ε, and what is left is the rounding of the state i
 
 from __future__ import annotations
 
+from typing import Annotated, NamedTuple
+
 import numpy as np
 from numba import float32, float64, int64, njit
 
 from synth.jit.entries import kernel
+from synth.native.arrays import f4, f8
 from synth.solver.block_rows import ADV11, ADV22, BLOCK, ROWS
 from synth.solver.lanes import padded_single
 from synth.solver.vectors import INNER
@@ -23,6 +26,25 @@ from synth.solver.vectors import INNER
 ROUNDING = 2.0**-24
 #: what a mode loses in a block of steps, σ K Δt, is at least so much: beside it what rounding may give is nothing
 _LEAST_LOSS = 16.0 * ROUNDING
+
+
+class SingleRoom(NamedTuple):
+    """Modes of a string during a call; rows, where its model has none of its own."""
+
+    rows: Annotated[np.ndarray, f4("ROWS*singles")]
+    q: Annotated[np.ndarray, f4("singles")]
+    v: Annotated[np.ndarray, f4("singles")]
+
+
+class SingleLine(NamedTuple):
+    """Modes of a line on a moving bridge, and how they fly and meet its end."""
+
+    of: Annotated[np.ndarray, f8("5")]  # numbers of the flight that the others are of
+    flight: Annotated[np.ndarray, f4("ROWS, singles")]
+    kick: Annotated[np.ndarray, f4("singles")]
+    pull: Annotated[np.ndarray, f4("singles")]
+    q: Annotated[np.ndarray, f4("singles")]
+    v: Annotated[np.ndarray, f4("singles")]
 
 
 def keeps_losses(sigma: np.ndarray, dt: float) -> bool:

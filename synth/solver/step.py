@@ -47,7 +47,7 @@ def _remainder(model: int, state: int, scratch: int, done: int, steps: int, plac
         fill_all_rows(model, state)
     for c in range(m.shapes.shape[0]):
         w.watch[c] = 0 if s.counts[FREE] else 1
-        w.active[c] = 1 if s.force[c] > 0.0 else 0
+        w.pivot.active[c] = 1 if s.force[c] > 0.0 else 0
     if placed:
         place_contacts(model, state, s.counts[MOVING])
     status = one_by_one(model, state, scratch, done, done, steps)

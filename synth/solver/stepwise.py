@@ -114,7 +114,7 @@ def one_by_one(model: int, state: int, scratch: int, begin: int, at: int, steps:
 
     The finger is at Scratch.path[begin] before the first; what the steps give goes behind the first `at` steps of rows that
     are at + steps long. Scratch.watch says which contacts may be touched while none has been (the others have a
-    certificate; from the first contact on all are looked at, and marked there), Scratch.active which are thought to be
+    certificate; from the first contact on all are looked at, and marked there), Scratch.pivot.active which are thought to be
     pressed. What the laws of velocities need of the contacts is carried in the state (`stringmodel.place_contacts`).
     """
     m, s, w = string_model(model), string_state(state), scratch_of(scratch)
@@ -124,14 +124,14 @@ def one_by_one(model: int, state: int, scratch: int, begin: int, at: int, steps:
     p11, p12, p21, p22 = rows[0, :n], rows[1, :n], rows[2, :n], rows[3, :n]
     kq, kv = rows[4, :n], rows[5, :n]
     u_contact, v_contact, force = s.u, s.v_contact, s.force
-    finger, coupling, weights = s.finger[0], s.finger_coupling, s.finger_weights[:n]
+    finger, coupling, weights = s.finger[0], s.grip.coupling, s.grip.weights[:n]
     fingered = finger.on != 0
     stiffness, resistance = finger.stiffness, finger.resistance
     hold, asked = law == EXACT_HOLD, has_answer(m)
     everything = fingered or not hold or asked
     status = SOLVED
-    y, b, z, watch = w.y[:contacts], w.b[:contacts], w.z[:contacts], w.watch
-    enabled, active = w.enabled[:contacts], w.active[:contacts]
+    y, b, z, watch = w.y[:contacts], w.pivot.b[:contacts], w.z[:contacts], w.watch
+    enabled, active = w.pivot.enabled[:contacts], w.pivot.active[:contacts]
     wanted = m.weights[m.first : m.first + points]
     out = w.out[: points * (at + steps)].reshape(points, at + steps)
     record, contact_u = w.record, w.contact_u
@@ -154,7 +154,7 @@ def one_by_one(model: int, state: int, scratch: int, begin: int, at: int, steps:
         for c in range(contacts):
             u_contact[c] = place_of(m, s, c, q)
 
-    held = int(np.int64(0))  # rows of Scratch.factor that the steps so far made for `matrix`
+    held = int(np.int64(0))  # rows of Scratch.pivot.factor that the steps so far made for `matrix`
     for t in range(steps):
         for j in range(n):  # `fly` in place: the call costs a tenth
             first = p11[j] * q[j] + p12[j] * v[j]
@@ -206,7 +206,7 @@ def one_by_one(model: int, state: int, scratch: int, begin: int, at: int, steps:
             elif contacts == 1:
                 z[0] = single(matrix[0, 0], b[0])
             else:
-                bad, _, held = pivot(matrix, b, enabled, active, z, w.factor, w.order, held)
+                bad, _, held = pivot(matrix, b, enabled, active, z, w.pivot.factor, w.pivot.order, held)
                 if bad != SOLVED:
                     status = bad
             for c in range(contacts):

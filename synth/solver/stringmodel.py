@@ -22,7 +22,7 @@ from synth.solver.block_rows import BLOCK, ROWS
 from synth.solver.lanes import padded, padded_single
 from synth.solver.laws import EXACT_HOLD, contact_matrix
 from synth.solver.responses import make_lags, make_rows, padded_rows
-from synth.solver.single import fill_single_rows
+from synth.solver.single import SingleRoom, fill_single_rows
 from synth.solver.vectors import dot
 
 #: length of a response to a force during a block: its first half is zero, place K + l is l steps after the force's own
@@ -84,6 +84,27 @@ class StringModel(NamedTuple):
     single_weights: Annotated[np.ndarray, f4("outputs, singles")]
 
 
+class Certificates(NamedTuple):
+    """Which contacts are out of reach, and for how long (`certificates`)."""
+
+    looked: Annotated[np.ndarray, u1("contacts")]  # whether a contact is among those looked at
+    until: Annotated[np.ndarray, i8("contacts")]  # step at which that is to be asked again
+    margin: Annotated[np.ndarray, f8("contacts")]  # by how much it is missed until then, as long as the string flies [m]
+    bounds: Annotated[np.ndarray, f8("contacts, 3")]  # how deep it may ever go, how far move within each of HORIZONS [m]
+    renewed: Annotated[np.ndarray, i8("contacts")]  # step at which these were taken, −1: they do not hold
+
+
+class Grip(NamedTuple):
+    """How a finger holds the string, and responses to a unit unknown of it over a block (`fingers.fill_grip`)."""
+
+    weights: Annotated[np.ndarray, f8("modes")]  # mode shapes averaged over its width
+    coupling: Annotated[np.ndarray, f8("contacts")]  # S diag(k) weightsᵀ, of one step
+    own: Annotated[np.ndarray, f8("1, RESPONSE")]  # of its own row, as those in `ContactTables.lags`
+    contacts: Annotated[np.ndarray, f8("contacts, RESPONSE")]
+    outputs: Annotated[np.ndarray, f8("outputs, RESPONSE")]
+    far: Annotated[np.ndarray, f8("contacts")]  # bound on the displacement of a contact at any later time
+
+
 class StringState(NamedTuple):
     """What changes while it sounds. All of it goes from call to call."""
 
@@ -93,21 +114,11 @@ class StringState(NamedTuple):
     u: Annotated[np.ndarray, f8("contacts")]  # S q and …
     v_contact: Annotated[np.ndarray, f8("contacts")]  # … S v, kept by the laws of velocities
     force: Annotated[np.ndarray, f8("contacts")]  # contact unknown of the last step
-    looked: Annotated[np.ndarray, u1("contacts")]  # whether a contact is among those looked at
-    until: Annotated[np.ndarray, i8("contacts")]  # step at which that is to be asked again
-    margin: Annotated[np.ndarray, f8("contacts")]  # by how much it is missed until then, as long as the string flies [m]
-    bounds: Annotated[np.ndarray, f8("contacts, 3")]  # how deep it may ever go, how far move within each of HORIZONS [m]
-    renewed: Annotated[np.ndarray, i8("contacts")]  # step at which these were taken, −1: they do not hold
     counts: Annotated[np.ndarray, i8("N_COUNTS")]
     due: Annotated[np.ndarray, u1("contacts")]  # what of the responses to a force there still waits (`due_responses`)
+    certificates: Certificates
     finger: Annotated[np.ndarray, struct(FINGER, "1")]
-    finger_weights: Annotated[np.ndarray, f8("modes")]  # mode shapes averaged over its width
-    finger_coupling: Annotated[np.ndarray, f8("contacts")]  # S diag(k) weightsᵀ, of one step
-    # responses to a unit unknown of the finger over a block, as those in `lags`: `fingers.fill_grip`
-    grip_own: Annotated[np.ndarray, f8("1, RESPONSE")]  # of its own row
-    grip_contacts: Annotated[np.ndarray, f8("contacts, RESPONSE")]
-    grip_outputs: Annotated[np.ndarray, f8("outputs, RESPONSE")]
-    grip_far: Annotated[np.ndarray, f8("contacts")]  # bound on the displacement of a contact at any later time
+    grip: Grip
 
 
 class Coefficients(NamedTuple):
@@ -121,6 +132,37 @@ class Coefficients(NamedTuple):
     flight_rows: Annotated[np.ndarray, f8("ROWS*heard")]  # of its flight, of the modes that are heard
 
 
+class ModeRoom(NamedTuple):
+    """Room for the modes of a string."""
+
+    sigma: Annotated[np.ndarray, f8("modes")]
+    amplitude: Annotated[np.ndarray, f8("modes")]
+    q: Annotated[np.ndarray, f8("modes")]
+    v: Annotated[np.ndarray, f8("modes")]
+    moved: Annotated[np.ndarray, f8("3, modes")]
+    after: Annotated[np.ndarray, f8("contacts")]  # S q of these
+
+
+class PivotRoom(NamedTuple):
+    """What `lcp.pivot` works with, of the contacts that take part."""
+
+    b: Annotated[np.ndarray, f8("contacts")]
+    factor: Annotated[np.ndarray, f8("contacts, contacts")]
+    matrix: Annotated[np.ndarray, f8("contacts*contacts")]
+    order: Annotated[np.ndarray, i8("contacts")]
+    enabled: Annotated[np.ndarray, u1("contacts")]
+    active: Annotated[np.ndarray, u1("contacts")]
+
+
+class BlockRoom(NamedTuple):
+    """K steps of the contacts looked at, and in the row behind them of a finger."""
+
+    near: Annotated[np.ndarray, i8("contacts")]  # their numbers
+    u: Annotated[np.ndarray, f8("contacts + 1, BLOCK")]  # free, then with forces
+    forces: Annotated[np.ndarray, f8("contacts + 1, BLOCK")]
+    spare: Annotated[np.ndarray, f8("3, BLOCK")]
+
+
 class Scratch(NamedTuple):
     """What a call works with; it carries nothing but what its caller puts there: `path` and `watch` in, the rest out."""
 
@@ -129,28 +171,14 @@ class Scratch(NamedTuple):
     out: Annotated[np.ndarray, f8("outputs*steps")]  # the outputs in use after each step, a row each
     record: Annotated[np.ndarray, f8("steps*contacts")]  # contact unknowns of each step
     contact_u: Annotated[np.ndarray, f8("watched*contacts")]  # displacements S q + R λ of the contacts; none: not wanted
-    sigma: Annotated[np.ndarray, f8("modes")]
-    amplitude: Annotated[np.ndarray, f8("modes")]
-    q: Annotated[np.ndarray, f8("modes")]
-    v: Annotated[np.ndarray, f8("modes")]
-    single_rows: Annotated[np.ndarray, f4("ROWS*singles")]
-    single_q: Annotated[np.ndarray, f4("singles")]
-    single_v: Annotated[np.ndarray, f4("singles")]
-    moved: Annotated[np.ndarray, f8("3, modes")]
+    # a step as its law sees it (`contact_laws.ContactLaw`)
     y: Annotated[np.ndarray, f8("contacts")]
-    b: Annotated[np.ndarray, f8("contacts")]
-    z: Annotated[np.ndarray, f8("contacts")]
-    after: Annotated[np.ndarray, f8("contacts")]
     a: Annotated[np.ndarray, f8("contacts, contacts")]
-    factor: Annotated[np.ndarray, f8("contacts, contacts")]
-    matrix: Annotated[np.ndarray, f8("contacts*contacts")]
-    order: Annotated[np.ndarray, i8("contacts")]
-    near: Annotated[np.ndarray, i8("contacts")]  # numbers of the contacts looked at
-    enabled: Annotated[np.ndarray, u1("contacts")]
-    active: Annotated[np.ndarray, u1("contacts")]
-    spare: Annotated[np.ndarray, f8("3, BLOCK")]
-    u: Annotated[np.ndarray, f8("contacts + 1, BLOCK")]  # of the contacts looked at, free, then with forces; then a finger's
-    forces: Annotated[np.ndarray, f8("contacts + 1, BLOCK")]
+    z: Annotated[np.ndarray, f8("contacts")]
+    modes: ModeRoom
+    single: SingleRoom
+    pivot: PivotRoom
+    rows: BlockRoom
 
 
 #: (address) → the StringModel, the StringState, the Scratch that is there, in compiled code
@@ -295,8 +323,8 @@ def make_state(model: StringModel, q: np.ndarray, v: np.ndarray) -> StringState:
     state.eta[:] = model.eta
     state.u[:] = model.shapes @ state.q
     state.v_contact[:] = model.shapes @ state.v
-    state.looked[:] = 1
-    state.renewed[:] = -1
+    state.certificates.looked[:] = 1
+    state.certificates.renewed[:] = -1
     state.counts[MOVING] = model.modes
     return state
 

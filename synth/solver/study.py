@@ -117,7 +117,7 @@ def certify_watch(study: int) -> None:
     for c in range(contacts):
         w.watch[c] = 1
     if m.law == EXACT_HOLD and contacts > 1:
-        amplitude = w.amplitude[: m.modes]
+        amplitude = w.modes.amplitude[: m.modes]
         amplitudes(m.omega, m.sigma, q, v, amplitude)
         for c in range(contacts):
             # the bound is a sum of N roundings too: leave it a margin
@@ -266,7 +266,7 @@ def divided_step(study: int, begin: int) -> None:
     phase, count, contacts, q = out.counts[PHASE], r.part_records.shape[0], m.shapes.shape[0], s.q[: m.modes]
     ledger = out.energy.shape[0] > 0
     w.watch[:] = 1
-    after = w.after[:contacts]
+    after = w.modes.after[:contacts]
     whole = s.finger[0].on == 0 and contacts > 1 and out.counts[DIVIDE] == 0
     if whole and clear_step(r.whole, r.state, r.stepping):
         weighed_step(study, r.whole, r.stepping, begin, phase)
@@ -337,7 +337,7 @@ def weighed_step(study: int, model: int, scratch: int, begin: int, at: int) -> N
     m, s = string_model(model), string_state(r.state)
     n, contacts = m.modes, m.shapes.shape[0]
     omega, gain, factor = m.omega[:n], m.rows[5, :n], r.factor
-    q, v, weights, finger = s.q[:n], s.v[:n], s.finger_weights[:n], s.finger[0]
+    q, v, weights, finger = s.q[:n], s.v[:n], s.grip.weights[:n], s.finger[0]
     hold = m.law == EXACT_HOLD
     before_q, before_v, w_free = r.before[0], r.before[1], r.before[2]
     put(before_q, q)

@@ -26,21 +26,21 @@ from synth.solver.vectors import FAST, INNER, dot, put
 def clear_step(model: int, state: int, scratch: int) -> bool:
     """Whether a whole free step ends clear of every contact of Scratch.watch; leaves the state alone.
 
-    StringState.u is S q now; Scratch.q, v and Scratch.after get q, v and S q at the end, the latter what it was where a
+    StringState.u is S q now; q, v and after of Scratch.modes get q, v and S q at the end, the latter what it was where a
     contact is not watched.
     """
     m, s, w = string_model(model), string_state(state), scratch_of(scratch)
     n = m.modes
-    q, v, free_q, free_v = s.q[:n], s.v[:n], w.q[:n], w.v[:n]
+    q, v, free_q, free_v = s.q[:n], s.v[:n], w.modes.q[:n], w.modes.v[:n]
     p11, p12, p21, p22 = m.rows[0, :n], m.rows[1, :n], m.rows[2, :n], m.rows[3, :n]
     for j in range(n):
         free_q[j] = p11[j] * q[j] + p12[j] * v[j]
         free_v[j] = p21[j] * q[j] + p22[j] * v[j]
     for c in range(m.shapes.shape[0]):
-        w.after[c] = s.u[c]
+        w.modes.after[c] = s.u[c]
         if w.watch[c]:
-            w.after[c] = dot(m.shapes[c], free_q)
-            if w.after[c] < s.eta[c]:
+            w.modes.after[c] = dot(m.shapes[c], free_q)
+            if w.modes.after[c] < s.eta[c]:
                 return False
     return True
 
@@ -64,7 +64,7 @@ def advance_substepped(model: int, part: int, state: int, scratch: int, count: i
     """
     m, s, w = string_model(model), string_state(state), scratch_of(scratch)
     contacts, n = m.shapes.shape[0], m.modes
-    q, v, after = s.q[:n], s.v[:n], w.after[:contacts]
+    q, v, after = s.q[:n], s.v[:n], w.modes.after[:contacts]
     steps, wanted = record.shape[0], m.weights[m.first : m.first + m.points]
     status = SOLVED
     for t in range(steps):
@@ -73,8 +73,8 @@ def advance_substepped(model: int, part: int, state: int, scratch: int, count: i
         touched = False
         if divide[0] == 0 and clear_step(model, state, scratch):
             for j in range(n):
-                q[j] = w.q[j]
-                v[j] = w.v[j]
+                q[j] = w.modes.q[j]
+                v[j] = w.modes.v[j]
             for c in range(contacts):
                 s.force[c] = 0.0
         else:

@@ -156,16 +156,18 @@ def test_a_certificate_that_outlives_a_bend_is_true() -> None:
         at += layout.QUANTUM
         for line, end in enumerate(ends_of(made)):
             contacts = made._strings.models[made._sounding.hands["model"][line]].eta.size
-            if end.counts[coupling.ENGAGED] or contacts == 0 or not end.clearance[:contacts].any():
+            if end.counts[coupling.ENGAGED] or contacts == 0 or not end.certificate.clearance[:contacts].any():
                 continue
-            before = [array.copy() for array in (end.numbers, end.counts, end.clearance, end.bound)]
+            before = [array.copy() for array in (end.numbers, end.counts, end.certificate.clearance, end.certificate.bound)]
             end.numbers[coupling.SPENT] = 0.0  # all that is clear, without a reserve
             certify_line(address, line, scratch)
-            exact = end.clearance[:contacts].copy()
-            for array, old in zip((end.numbers, end.counts, end.clearance, end.bound), before, strict=True):
+            exact = end.certificate.clearance[:contacts].copy()
+            for array, old in zip(
+                (end.numbers, end.counts, end.certificate.clearance, end.certificate.bound), before, strict=True
+            ):
                 array[:] = old
-            assert np.all(end.clearance[:contacts] <= exact + 1e-12)
-            kept += int(np.any(end.clearance[:contacts] < exact - 1e-9))
+            assert np.all(end.certificate.clearance[:contacts] <= exact + 1e-12)
+            kept += int(np.any(end.certificate.clearance[:contacts] < exact - 1e-9))
     assert kept > 100
 
 

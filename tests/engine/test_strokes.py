@@ -189,7 +189,7 @@ def exact_throw(made: Engine, mass: float, speed: float) -> tuple[float, float, 
     """(time in contact [s], speed afterwards [m/s], energy of the string [J]) of a mass behind spring and dashpot."""
     model, string = model_of(made, 0), string_of(made, 0)
     n = int(model.modes)
-    omega, sigma, weights = model.omega[:n], _sigma(model), string.finger_weights[:n]
+    omega, sigma, weights = model.omega[:n], _sigma(model), string.grip.weights[:n]
     finger = string.finger[0]
     k, r = float(finger["stiffness"]), float(finger["resistance"])
 
@@ -264,7 +264,7 @@ def test_a_touch_damps_as_a_dashpot_there_does() -> None:
     resistance = float(string.finger[0]["resistance"])
     assert resistance == pytest.approx(0.7 * bank_of(made).strings["impedance"][0], rel=1e-12)
     n = int(model.modes)
-    weights, omega = string.finger_weights[:n].copy(), model.omega[:n]
+    weights, omega = string.grip.weights[:n].copy(), model.omega[:n]
     q, v = (each.copy() for each in state_of(made, 0))
     quanta = 40
     play(made, [], quanta * QUANTUM, QUANTUM)

@@ -9,7 +9,21 @@ import pytest
 from numba import njit
 
 from synth.engine import layout
-from synth.native.arrays import LINE, Pool, aligned, allocate, f8, fields, i8, record, struct, u1, whole_lines
+from synth.native.arrays import (
+    LINE,
+    Pool,
+    aligned,
+    allocate,
+    arrays_of,
+    f8,
+    fields,
+    i8,
+    record,
+    struct,
+    u1,
+    values,
+    whole_lines,
+)  # fmt: skip
 from synth.native.views import opener, table, words
 from synth.solver.stringmodel import Scratch, StringState
 
@@ -30,6 +44,20 @@ class Arrays(NamedTuple):
     pairs: Annotated[np.ndarray, i8("2*contacts + 1, 3")]
     flags: Annotated[np.ndarray, u1("modes, 3")]
     points: Annotated[np.ndarray, struct(POINT, "contacts")]
+
+
+class Pair(NamedTuple):
+    """A record with two others in it, one of which has no numbers."""
+
+    count: int
+    work: Work
+    arrays: Arrays
+    last: Annotated[np.ndarray, i8("contacts")]
+
+
+class Nest(NamedTuple):
+    first: Annotated[np.ndarray, i8("contacts")]
+    arrays: Arrays
 
 
 SIZES = {"modes": 5, "contacts": 3}
@@ -72,9 +100,9 @@ def test_a_size_that_is_not_named_is_refused() -> None:
 
 def test_a_record_has_every_field_by_name() -> None:
     assert np.array([record(POINT, n=3, x=0.5)], POINT)["n"] == 3
-    for values in ({"x": 1.0}, {"x": 1.0, "n": 2, "y": 3}):
+    for given in ({"x": 1.0}, {"x": 1.0, "n": 2, "y": 3}):
         with pytest.raises(TypeError, match="exactly x, n; wrong: "):
-            record(POINT, **values)
+            record(POINT, **given)
 
 
 def test_lines_are_whole() -> None:
@@ -85,7 +113,7 @@ def test_lines_are_whole() -> None:
 def test_the_engine_declares_every_array_with_its_extents() -> None:
     for kind in (*layout.CORE_PARTS[: layout.CORE_PARTS.index(layout.Settings)], StringState, Scratch):
         assert all(field.shape for field in fields(kind).values())
-    assert fields(StringState)["grip_contacts"] == (np.dtype("f8"), ("contacts", "RESPONSE"))
+    assert fields(StringState)["grip.contacts"] == (np.dtype("f8"), ("contacts", "RESPONSE"))
 
 
 def test_many_of_a_kind_lie_side_by_side_and_apart() -> None:
@@ -122,3 +150,43 @@ def test_every_field_is_found_behind_an_address() -> None:
     assert look(tables.ctypes.data) == (7, 0.5, 4.0, (11, 3), 42, 9, 77)
     with pytest.raises(TypeError, match=r"Work\.q must be"):
         table(work._replace(q=np.zeros(5, np.float32)))
+
+
+def test_a_record_may_hold_others() -> None:
+    work = allocate(Work, SIZES, steps=7, rate=0.5)
+    pair = allocate(Pair, SIZES, count=2, work=work)
+    assert pair.work.pairs is work.pairs and pair.arrays.pairs.shape == (7, 3) and pair.last.shape == (3,)
+    assert list(arrays_of(pair)) == [name for name, field in fields(Pair).items() if field.shape]
+    assert arrays_of(pair)["arrays.flags"] is pair.arrays.flags and len(list(values(pair))) == len(fields(Pair))
+    with pytest.raises(TypeError, match=r"Work\.steps is a number, which must be given"):
+        allocate(Pair, SIZES, count=2)
+    with pytest.raises(TypeError, match=r"Pair\.work\.q must be"):
+        table(pair._replace(work=work._replace(q=np.zeros(5, np.float32))))
+
+
+def test_records_within_a_record_are_found_behind_its_address() -> None:
+    pair = allocate(Pair, SIZES, count=2, work=allocate(Work, SIZES, steps=7, rate=0.5))
+    pair.work.points["n"][2], pair.arrays.pairs[6, 2], pair.last[1] = 77, 42, 5
+    behind = opener(Pair, words(Work))
+
+    @njit
+    def inner(work):
+        return work.steps, work.points[2].n
+
+    @njit
+    def look(address):
+        pair = behind(address)
+        return pair.count, inner(pair.work), pair.work.rate, pair.arrays.pairs.shape, pair.arrays.pairs[6, 2], pair.last[1]
+
+    tables = table(allocate(Work, SIZES, steps=1, rate=2.0), pair)
+    assert tables.size == words(Work) + words(Pair) == 2 * words(Work) + words(Arrays) + 3
+    assert look(tables.ctypes.data) == (2, (7, 77), 0.5, (7, 3), 42, 5)
+
+
+def test_many_records_that_hold_others_lie_side_by_side() -> None:
+    sizes = [SIZES, SIZES | {"modes": 11}]
+    pool = Pool(Nest, sizes)
+    assert list(pool.flat) == list(fields(Nest)) and "arrays.q" in pool.flat
+    pool.items[1].arrays.q[:] = 3.0
+    assert [item.arrays.q.size for item in pool.items] == [5, 11] and not pool.items[0].arrays.q.any()
+    assert np.count_nonzero(pool.flat["arrays.q"] == 3.0) == 11

@@ -78,7 +78,7 @@ class Scene:
         """The same of the block kernel, and outputs."""
         string = self.strung(steps, restitution, outputs, certified=certified)
         assert advance_blocks(*string.addresses, steps // BLOCK, steps) == 0
-        self.passed_over = int((string.state.looked == 0).sum())
+        self.passed_over = int((string.state.certificates.looked == 0).sum())
         n = self.omega.size
         assert not string.state.q[n:].any() and not string.state.v[n:].any()
         contact_u = None if certified else string.contact_u(steps)

@@ -103,7 +103,7 @@ class Run:
         fill_slack(self.table.ctypes.data, scene.omega, scene.sigma, MU, scene.dt)
         if touch is not None:
             state = self.string.state
-            state.finger_weights[: scene.modes] = touch["weights"]
+            state.grip.weights[: scene.modes] = touch["weights"]
             row = state.finger[0]
             row["on"], row["stiffness"], row["resistance"] = 1, touch["stiffness"], touch["resistance"]
             row["here"] = touch["weights"] @ scene.q

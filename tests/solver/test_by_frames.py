@@ -101,18 +101,18 @@ def test_modes_that_rest_are_held_by_the_finger() -> None:
     assert not before[1][8:].any()
     for _ in range(2):
         assert lie_down(kernel) and finger["here"] == pytest.approx(before[0], rel=1e-12)
-    end.clearance[:] = 1.0
+    end.certificate.clearance[:] = 1.0
     look_at(kernel.address, 0, 1, kernel.lines.scratch)
     state, model = kernel.states[0], kernel.lines.models[0]
     n = model.modes
-    assert state.q[8:n].any() and not end.clearance.any()
+    assert state.q[8:n].any() and not end.certificate.clearance.any()
     np.testing.assert_allclose(
-        state.q[8:n], finger["push"] * state.finger_weights[8:n] / (model.mu * model.omega[8:n] ** 2), rtol=1e-12
+        state.q[8:n], finger["push"] * state.grip.weights[8:n] / (model.mu * model.omega[8:n] ** 2), rtol=1e-12
     )
     lever = end.numbers[coupling.FINGER_LEVERAGE] * coupling.along.py_func(
-        kernel.lines.coupling, 0, kernel.lines.coupling.beta
+        kernel.lines.coupling, 0, kernel.lines.coupling.bridge.beta
     )
-    assert state.finger_weights[:n] @ state.q[:n] + lever == pytest.approx(float(finger["here"]), rel=1e-9)
+    assert state.grip.weights[:n] @ state.q[:n] + lever == pytest.approx(float(finger["here"]), rel=1e-9)
 
 
 @pytest.mark.parametrize("moving", [24, 8])
@@ -144,7 +144,7 @@ def test_what_has_gone_by_frames_goes_in_steps_as_if_it_had_not() -> None:
     heights = (-5e-4, -6e-4, -7e-4, -8e-4, -9e-4)
     one, other = held(8, heights, drop_m=4e-5, seed=3)[0], held(8, heights, drop_m=4e-5, seed=3)[0]
     assert lie_down(one)
-    one.ends[0].clearance[:] = 0.0
+    one.ends[0].certificate.clearance[:] = 0.0
     one.ends[0].counts[coupling.BY_FRAMES] = 1
     look_at(one.address, 0, 1, one.lines.scratch)
     fill_finger(one.address, 0, one.lines.scratch)

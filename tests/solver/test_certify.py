@@ -43,7 +43,7 @@ def test_what_is_passed_over_stays_clear() -> None:
         scale = 10 ** rng.uniform(-1.5, 0.5)
         q, v = scale * q, scale * v
         string = strung(omega, sigma, shapes, eta, q, v, 800)
-        looked, until, margin = string.state.looked, string.state.until, string.state.margin
+        looked, until, margin, *_ = string.state.certificates
         until[:] = 800
         certify(*string.addresses, string.state.q[:N], string.state.v[:N])
         assert np.all(until >= 800 + HORIZONS[1])
@@ -61,7 +61,7 @@ def test_what_is_passed_over_stays_clear() -> None:
 def test_certificates_hold_until_their_time() -> None:
     omega, sigma, shapes, eta, q, v = scene(np.random.default_rng(4))
     string = strung(omega, sigma, shapes, eta + 1.0, q, v, 8)
-    looked, until, margin = string.state.looked, string.state.until, string.state.margin
+    looked, until, margin, *_ = string.state.certificates
     looked[:], until[:], margin[:] = 0, 9, 0.5
     certify(*string.addresses, string.state.q[:N], string.state.v[:N])
     assert looked.sum() == 0 and np.all(until == 9) and np.all(margin == 0.5)

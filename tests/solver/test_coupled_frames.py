@@ -115,7 +115,7 @@ def apart(twin, x, clearances: dict[int, float]) -> tuple[Kernel, dict[int, floa
     for line, left in clearances.items():
         end = kernel.ends[line]
         end.counts[coupling.ENGAGED], end.counts[coupling.CERTIFIED] = 0, end.leverage.size
-        end.clearance[:], end.numbers[coupling.LEAST] = left, left
+        end.certificate.clearance[:], end.numbers[coupling.LEAST] = left, left
     coupling.gather_lines(kernel.address)
     kernel.advance(8)
     return kernel, {line: float(kernel.ends[line].numbers[coupling.LATELY]) for line in clearances}

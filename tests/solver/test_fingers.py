@@ -37,7 +37,7 @@ class Touch:
     def hold(self, string):
         """Take hold of a `Strung`."""
         state, modes = string.state, self.weights.size
-        state.finger_weights[:modes] = self.weights
+        state.grip.weights[:modes] = self.weights
         row = state.finger[0]
         row["on"], row["stiffness"], row["resistance"] = 1, self.stiffness, self.resistance
         row["here"], row["push"] = self.here, 0.0
@@ -51,7 +51,7 @@ def finger_of(string):
 def plain(scene, touch, steps, restitution):
     """(q, v, forces, finger state, outputs) of the one-step kernel: displacement at one point, velocity at another."""
     string = touch.hold(scene.strung(steps, restitution, 2, path=touch.path))
-    coupling = string.state.finger_coupling
+    coupling = string.state.grip.coupling
     string.state.finger[0]["own"] = finger_row(scene.law, scene.coef, scene.shapes, touch.weights, coupling)
     assert one_by_one(*string.addresses, 0, 0, steps) == 0
     return string.q, string.v, string.forces(steps), finger_of(string), string.out(steps)
@@ -130,7 +130,7 @@ def test_a_contact_passed_over_is_never_inside():
             got, state = in_blocks(scene, touch, 480, 0.0, certified)
             np.testing.assert_array_equal(got[2] > 0.0, forces > 0.0)
             same(got[2], forces, 1e-8, "forces") if forces.any() else None
-            looks.append(int(state.looked.sum()))
+            looks.append(int(state.certificates.looked.sum()))
         assert looks[0] == 12
         passed_over += 12 - looks[1]
         touched += int((forces > 0.0).any(axis=0).sum())
@@ -158,7 +158,7 @@ def test_responses_of_a_unit_push(law):
     touch = Touch(scene, 4, BLOCK, "draw")
     string = touch.hold(scene.strung(BLOCK, outputs=2))
     fill_grip(*string.addresses, 1)
-    grip = string.state
+    grip = string.state.grip
     p11, p12, p21, p22, kq, kv = scene.coef
     q, v = kq * touch.weights, kv * touch.weights
     largest = np.zeros(3)
@@ -166,16 +166,16 @@ def test_responses_of_a_unit_push(law):
         x = q if law == EXACT_HOLD else v
         if k < BLOCK:
             at = BLOCK + k
-            same(grip.grip_own[0, at], touch.weights @ x, 1e-9, "own")
-            same(grip.grip_contacts[:, at], scene.shapes @ x, 1e-9, "contacts")
-            same(grip.grip_outputs[:, at], [scene.weights[0] @ q, scene.weights[1] @ v], 1e-9, "outputs")
+            same(grip.own[0, at], touch.weights @ x, 1e-9, "own")
+            same(grip.contacts[:, at], scene.shapes @ x, 1e-9, "contacts")
+            same(grip.outputs[:, at], [scene.weights[0] @ q, scene.weights[1] @ v], 1e-9, "outputs")
         largest = np.maximum(largest, np.abs(scene.shapes @ q))
         q, v = p11 * q + p12 * v, p21 * q + p22 * v
-    assert grip.finger[0]["own"] == grip.grip_own[0, BLOCK]
-    for responses in (grip.grip_own, grip.grip_contacts, grip.grip_outputs):
+    assert string.state.finger[0]["own"] == grip.own[0, BLOCK]
+    for responses in (grip.own, grip.contacts, grip.outputs):
         assert not responses[:, :BLOCK].any()
     if law == EXACT_HOLD:
-        assert (largest <= grip.grip_far).all() and (largest > 0.1 * grip.grip_far).all()
+        assert (largest <= grip.far).all() and (largest > 0.1 * grip.far).all()
 
 
 _LANES = """

@@ -80,10 +80,10 @@ def step_kernel(scene: Scene, law: int, steps: int, finger_path=None, watch=None
     state, modes = string.state, scene.omega.size
     finger = state.finger[0]
     if finger_path is not None:
-        state.finger_weights[:modes] = weights
+        state.grip.weights[:modes] = weights
         rows = np.ascontiguousarray(string.model.rows[:6, :modes])
         finger["on"], finger["stiffness"], finger["resistance"], finger["here"] = 1, 2e4, 0.7, weights @ scene.q
-        finger["own"] = finger_row(law, rows, scene.shapes, weights, state.finger_coupling)
+        finger["own"] = finger_row(law, rows, scene.shapes, weights, state.grip.coupling)
     if watch is not None:
         string.scratch.watch[: watch.size] = watch
     assert one_by_one(*string.addresses, 0, 0, steps) == SOLVED

@@ -125,7 +125,7 @@ def culled(seed: int, steps: int, frames: int) -> tuple[Kernel, np.ndarray]:
     """A kernel whose first string has been asked how much is left for so many frames; the gaps of its contacts then."""
     kernel = fretted(500 + seed, steps)[2]
     kernel.advance(int(np.random.default_rng(seed).integers(1, 40)))
-    kernel.ends[0].known[coupling.CULLING] = coupling.LONG
+    kernel.ends[0].block.known[coupling.CULLING] = coupling.LONG
     kernel.ends[0].numbers[coupling.LATELY] = 0.0
     cull(kernel.address, 0, kernel.lines.scratch, steps * frames)
     return kernel, gaps(kernel)
@@ -134,7 +134,7 @@ def culled(seed: int, steps: int, frames: int) -> tuple[Kernel, np.ndarray]:
 def gaps(kernel: Kernel) -> np.ndarray:
     """Of the first string's contacts, as its modes have them."""
     model, end, n = kernel.models[0], kernel.ends[0], kernel.system.lines[0].omega.size
-    height = float(kernel.coupling.direction[0] @ kernel.coupling.beta)
+    height = float(kernel.coupling.lines.direction[0] @ kernel.coupling.bridge.beta)
     return model.shapes[:, :n] @ kernel.states[0].q[:n] + end.leverage * height - kernel.states[0].eta
 
 
@@ -146,40 +146,41 @@ def test_nothing_moves_further_than_is_spent(pushed: str) -> None:
         rng, steps, frames = np.random.default_rng(seed), 4, 8
         kernel, before = culled(seed, steps, frames)
         end, state, model, n = kernel.ends[0], kernel.states[0], kernel.models[0], kernel.system.lines[0].omega.size
-        first = before - end.left
+        first = before - end.block.left
         if pushed == "nothing" and seed % 2:  # one mode alone that is going through its middle: the bound is what it moves
             state.q[:n], state.v[:n] = 0.0, 0.0
             state.v[seed % 5] = 0.1
             cull(kernel.address, 0, kernel.lines.scratch, steps * frames)
             before = gaps(kernel)
-            first = before - end.left
-        there = end.left > 0.0
+            first = before - end.block.left
+        there = end.block.left > 0.0
         turn, speed, end.counts[coupling.NEAR] = 0.0, 0.0, 0
-        end.forces[:] = 0.0
+        end.block.forces[:] = 0.0
         rows = model.rows
         if pushed == "contact":
-            end.counts[coupling.NEAR], end.near[0], end.forces[0, 0] = 1, rng.integers(end.left.size), rng.uniform(0.0, 1.0)
-            shape, force = model.shapes[end.near[0], :n], end.forces[0, 0]
+            end.counts[coupling.NEAR], end.block.near[0] = 1, rng.integers(end.block.left.size)
+            end.block.forces[0, 0] = rng.uniform(0.0, 1.0)
+            shape, force = model.shapes[end.block.near[0], :n], end.block.forces[0, 0]
         elif pushed == "finger":
             line = kernel.system.lines[0]
             where = rng.uniform(0.1, 0.9) * line.length_m
             kernel.lines.hold(0, mode_shapes(line.length_m, np.array([where]), n)[0], where / line.length_m, 1e4, 0.0)
             state.finger[0]["push"] = rng.uniform(-1.0, 1.0)
             cull(kernel.address, 0, kernel.lines.scratch, steps * frames)
-            there, first = end.left > 0.0, before - end.left
+            there, first = end.block.left > 0.0, before - end.block.left
             more = rng.uniform(-1.0, 1.0)
-            end.forces[-1, :steps] = state.finger[0]["push"]
-            end.forces[-1, 0] += more
-            shape, force = state.finger_weights[:n], state.finger[0]["push"] + more
+            end.block.forces[-1, :steps] = state.finger[0]["push"]
+            end.block.forces[-1, 0] += more
+            shape, force = state.grip.weights[:n], state.finger[0]["push"] + more
         elif pushed == "bridge":
             turn, speed, shape, force = rng.uniform(-0.1, 0.1), rng.uniform(-0.1, 0.1), model.shapes[0, :n], 0.0
         else:
             shape, force = model.shapes[0, :n], 0.0
         if not there.any():
             continue
-        lasts = end.known[coupling.LASTS]
+        lasts = end.block.known[coupling.LASTS]
         spend_left(kernel.address, 0, 0, turn, speed)
-        allowed = before - end.left  # what free flight may do, and what has been spent
+        allowed = before - end.block.left  # what free flight may do, and what has been spent
         assert np.all(allowed[there] >= first[there])
         q, v = state.q[:n].copy(), state.v[:n] + end.kick[:n] * turn
         for step in range(lasts):
@@ -228,19 +229,19 @@ def test_a_contact_whose_gap_is_used_up_is_followed_until_the_call_ends() -> Non
         kernel.advance(16)
         more = int(kernel.coupling.counts[coupling.FRAMES]) - 16
         assert more < coupling.BLOCK  # a block gone through to its end would count whole
-        marked = np.flatnonzero(end.left == coupling.FOLLOWED)
+        marked = np.flatnonzero(end.block.left == coupling.FOLLOWED)
         assert (marked.size > 0) == (more > 0)
         followed += marked.size
         state = kernel.states[0]
         state.q[:], state.v[:] = 0.0, 0.0  # far from all of them
         state.finger[0]["push"] = 0.0
-        end.known[coupling.CULLING] = coupling.LONG
+        end.block.known[coupling.CULLING] = coupling.LONG
         near = cull(kernel.address, 0, kernel.lines.scratch, 8)
-        assert near >= marked.size and np.all(end.left[marked] == coupling.FOLLOWED)
+        assert near >= marked.size and np.all(end.block.left[marked] == coupling.FOLLOWED)
         kernel.start(np.zeros(kernel.system.size))
         kernel.lines.let_go(0)
         kernel.advance(1)
-        assert not np.any(end.left == coupling.FOLLOWED)
+        assert not np.any(end.block.left == coupling.FOLLOWED)
     assert followed > 0
 
 
@@ -256,6 +257,6 @@ def test_sets_of_contacts_that_depend_on_each_other(height: float) -> None:
     kernel.start(x)
     gains_nothing(kernel, height)
     assert kernel.coupling.counts[coupling.TOUCHED] > 0
-    known = kernel.ends[0].known
+    known = kernel.ends[0].block.known
     assert known[coupling.OF_SETS] == 3 and known[coupling.SETS] > 0
     assert known[coupling.SETS] & (1 << 0b011 | 1 << 0b111) == 0

@@ -64,7 +64,7 @@ def rubbing_scene(seed: int, steps: int, lightness: float = 1.0) -> tuple[RampFr
     x[v] = rng.normal(size=len(modes)) * 0.05 * np.sqrt(lightness)
     twin.heights = np.minimum(twin.heights, system.displacement_rows(places) @ x)
     kernel = Kernel(system, twin.frame_s, steps, places, list(twin.heights), residual)
-    kernel.coupling.friction[:] = friction
+    kernel.coupling.lines.friction[:] = friction
     kernel.start(x)
     return twin, x, kernel, np.array(friction)
 
