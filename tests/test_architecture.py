@@ -3,11 +3,13 @@ solver, dsp → instrument → engine, research → host, fit → study → live
 """
 
 import ast
+import functools
 import graphlib
 import re
 import subprocess
 import sys
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -38,6 +40,19 @@ FLOOR_OF = {room: number for number, rooms in enumerate(FLOORS) for room in room
 FILES = sorted(path for path in PACKAGE.rglob("*.py") if path != PACKAGE / "__init__.py")
 
 
+@functools.cache
+def parsed(source: str) -> ast.Module:
+    """A source's tree, made once for all tests of this module that look at it."""
+    return ast.parse(source)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def forgotten() -> Iterator[None]:
+    """Trees take memory, which the files behind this one need."""
+    yield
+    parsed.cache_clear()
+
+
 def room_of(path: Path) -> str:
     return path.relative_to(PACKAGE).with_suffix("").parts[0]
 
@@ -46,7 +61,7 @@ def rooms_imported(source: str, path: Path) -> set[str]:
     """First names below `synth` of every import in the source, relative and function-level ones included."""
     package = ("synth", *path.relative_to(PACKAGE).parent.parts)
     found: set[str] = set()
-    for node in ast.walk(ast.parse(source)):
+    for node in ast.walk(parsed(source)):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
@@ -78,7 +93,7 @@ def test_imports_go_down(path: Path) -> None:
 def modules_imported(path: Path) -> set[Path]:
     """Files of the package that a file of it imports, function-level imports included."""
     found: set[Path] = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(parsed(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
@@ -158,9 +173,7 @@ SHARED_CLASSES = {
 def test_classes_are_named_apart() -> None:
     names: Counter[str] = Counter()
     for path in FILES:
-        names.update(
-            node.name for node in ast.parse(path.read_text(encoding="utf-8")).body if isinstance(node, ast.ClassDef)
-        )
+        names.update(node.name for node in parsed(path.read_text(encoding="utf-8")).body if isinstance(node, ast.ClassDef))
     twice = {name: count for name, count in names.items() if count > 1 and not name.startswith("_")}
     assert twice == dict.fromkeys(SHARED_CLASSES, 2)
 
@@ -187,7 +200,7 @@ def private_names_imported(source: str, path: Path) -> list[str]:
     package = ("synth", *path.relative_to(PACKAGE).parent.parts) if path.is_relative_to(PACKAGE) else ()
     modules: dict[str, str] = {}
     found: list[str] = []
-    tree = ast.parse(source)
+    tree = parsed(source)
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             modules |= {alias.asname or alias.name: alias.name for alias in node.names if alias.name.startswith("synth.")}
@@ -210,7 +223,7 @@ def private_names_imported(source: str, path: Path) -> list[str]:
 
 def engine_insides_read(source: str) -> list[str]:
     """Attributes of INSIDE_AN_ENGINE in a source, but for those of an object's own whose class inherits nothing."""
-    tree = ast.parse(source)
+    tree = parsed(source)
     own: set[ast.AST] = set()
     for kind in ast.walk(tree):
         if isinstance(kind, ast.ClassDef) and not kind.bases:
@@ -222,7 +235,7 @@ def engine_insides_read(source: str) -> list[str]:
 def crowded(source: str, most: int = 12) -> list[str]:
     """Functions of more than so many parameters, `self` and `cls` left out."""
     found = []
-    for node in ast.walk(ast.parse(source)):
+    for node in ast.walk(parsed(source)):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             names = [each.arg for each in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)]
             if len(names) - (names[:1] in (["self"], ["cls"])) > most:
@@ -251,7 +264,7 @@ def large_records(source: str, most: int = 16) -> list[str]:
     """Classes that declare more than so many fields; those that they inherit count where they are declared."""
     return [
         node.name
-        for node in ast.walk(ast.parse(source))
+        for node in ast.walk(parsed(source))
         if isinstance(node, ast.ClassDef) and sum(isinstance(each, ast.AnnAssign) for each in node.body) > most
     ]
 

@@ -7,7 +7,7 @@ import pytest
 import soundfile
 
 from synth.instrument.preset import load_preset
-from tests.author.browser.running import Author, Page, copy_preset
+from tests.author.browser.running import Author, Page, copy_preset, name_of
 from tests.author.serverkit import ROOT
 
 RATE_HZ = 44100
@@ -15,13 +15,19 @@ NOTE_HZ, INHARMONICITY, PLUCKED_AT = 110.0, 2e-4, 0.21
 
 
 @pytest.fixture
-def page(driver, tmp_path):
-    copy_preset("fretted-bass", tmp_path / "mine.toml")
-    with Author(tmp_path, "mine.toml") as author:
-        page = Page(driver)
-        page.open(author.address)
-        yield page
-        page.open_nothing()
+def mine(author, request):
+    """A bass of the test's own, in the folder of the server that all share."""
+    path = author.folder / f"{name_of(request)}.toml"
+    copy_preset("fretted-bass", path)
+    return path
+
+
+@pytest.fixture
+def page(driver, author, mine):
+    page = Page(driver)
+    page.open(f"{author.address}#{author.open(mine.name).key}")
+    yield page
+    page.open_nothing()
 
 
 def plucked(seconds=4.0, note_hz=NOTE_HZ, noise=1e-4):
@@ -58,7 +64,7 @@ def ink(page, figure):
     )
 
 
-def test_fit_is_shown_and_fills_the_controls(page, tmp_path):
+def test_fit_is_shown_and_fills_the_controls(page, mine, tmp_path):
     soundfile.write(tmp_path / "note.wav", plucked(), RATE_HZ)
     page.find("#open-fit").click()
     page.find("#fit-string")
@@ -76,9 +82,9 @@ def test_fit_is_shown_and_fills_the_controls(page, tmp_path):
     page.find("#apply-fit").click()
     page.until(lambda: "edited" in page.script("return document.getElementById('doc-status').className"))
     page.find("#save").click()
-    page.until(lambda: page.text("#doc-status") == "mine.toml")
+    page.until(lambda: page.text("#doc-status") == mine.name)
     before = load_preset(str(ROOT / "presets" / "fretted-bass.toml"))
-    after = load_preset(str(tmp_path / "mine.toml"))
+    after = load_preset(str(mine))
     assert after.string[1] != before.string[1]
     assert after.string[0] == before.string[0] and after.obstacle == before.obstacle
     page.find("#undo").click()

@@ -8,18 +8,29 @@ import soundfile
 from selenium.webdriver.common.keys import Keys
 
 from tests.author.browser.listening import FRAMES, LISTEN, RATE_HZ, heard, is_beginning_of, rendered, silence
-from tests.author.browser.running import set_value
+from tests.author.browser.running import Page, copy_preset, name_of, set_value
 
 HEARD_S = 1.0
 
 
 @pytest.fixture
-def page(page):
+def mine(author, request):
+    """A tanpura of the test's own, in the folder of the server that all share."""
+    path = author.folder / f"{name_of(request)}.toml"
+    copy_preset("tanpura-light", path)
+    return path
+
+
+@pytest.fixture
+def page(driver, author, mine):
+    page = Page(driver)
+    page.open(f"{author.address}#{author.open(mine.name).key}")
     page.script(LISTEN)
-    return page
+    yield page
+    page.open_nothing()
 
 
-def test_note_is_what_render_writes(page, tmp_path):
+def test_note_is_what_render_writes(page, mine, tmp_path):
     frames = round(HEARD_S * RATE_HZ)
     note, velocity = 48, 90
     page.script("document.querySelector('[data-key=\"48\"]').scrollIntoView()")
@@ -29,24 +40,24 @@ def test_note_is_what_render_writes(page, tmp_path):
     page.find("[data-phrase='note']").click()
     page.until(lambda: page.script(FRAMES) >= frames)
     received, played = heard(page, "received"), heard(page, "played")
-    want = rendered(tmp_path / "mine.toml", note, velocity, tmp_path)
+    want = rendered(mine, note, velocity, tmp_path)
     assert np.abs(want[:frames]).max() > 0.01
     assert is_beginning_of(received, want) and is_beginning_of(played, want)
 
 
-def test_changed_preset_is_heard_at_once_as_it_would_be_rendered(page, tmp_path):
+def test_changed_preset_is_heard_at_once_as_it_would_be_rendered(page, mine, tmp_path):
     frames = round(HEARD_S * RATE_HZ)
     set_value(page, "pluck.position", 0.2)
     page.until(lambda: page.script(FRAMES) >= frames)
     played = heard(page, "played")
     page.find("#save").click()
-    page.until(lambda: "0.2" in (tmp_path / "mine.toml").read_text(encoding="utf-8"))
-    page.until(lambda: page.text("#doc-status") == "mine.toml")
+    page.until(lambda: "0.2" in mine.read_text(encoding="utf-8"))
+    page.until(lambda: page.text("#doc-status") == mine.name)
     note = int(page.script("return document.querySelector('.keys').getAttribute('aria-valuenow')"))
-    assert is_beginning_of(played, rendered(tmp_path / "mine.toml", note, 90, tmp_path))
+    assert is_beginning_of(played, rendered(mine, note, 90, tmp_path))
 
 
-def test_wav_of_the_server_is_the_same_sound(page, tmp_path):
+def test_wav_of_the_server_is_the_same_sound(page, mine, tmp_path):
     name = page.script("return location.hash.slice(1)")
     values = page.result(
         """const answer = await fetch(`/api/docs/${given[0]}/sound.wav?phrase=note&note=48&velocity=90&which=current`);
@@ -58,7 +69,7 @@ def test_wav_of_the_server_is_the_same_sound(page, tmp_path):
     )
     (tmp_path / "page.wav").write_bytes(base64.b64decode(values))
     samples, _ = soundfile.read(tmp_path / "page.wav", dtype="float32", always_2d=True)
-    want = rendered(tmp_path / "mine.toml", 48, 90, tmp_path)
+    want = rendered(mine, 48, 90, tmp_path)
     frames = min(len(samples), len(want))
     assert frames > 2 * RATE_HZ
     np.testing.assert_array_equal(samples[:frames], want[:frames])
@@ -76,7 +87,7 @@ def test_keys_of_the_computer_and_the_mouse_sound(page):
     assert page.text(".key-note") == "G2"
 
 
-def test_saved_version_is_heard_beside_the_edited_one(page, tmp_path):
+def test_saved_version_is_heard_beside_the_edited_one(page, mine, tmp_path):
     frames = RATE_HZ // 2
     set_value(page, "pluck.position", 0.2)
     page.until(lambda: page.script(FRAMES) >= frames)
@@ -86,11 +97,11 @@ def test_saved_version_is_heard_beside_the_edited_one(page, tmp_path):
     page.until(lambda: page.script(FRAMES) >= frames)
     saved = heard(page, "played")
     note = int(page.script("return document.querySelector('.keys').getAttribute('aria-valuenow')"))
-    want = rendered(tmp_path / "mine.toml", note, 90, tmp_path)
+    want = rendered(mine, note, 90, tmp_path)
     assert is_beginning_of(saved, want) and not is_beginning_of(edited, want)
 
 
-def test_keys_play_the_version_that_is_shown(page, tmp_path):
+def test_keys_play_the_version_that_is_shown(page, mine, tmp_path):
     """As it is, then as it was saved: where a string has another note its old key comes back."""
     page.script("document.querySelector('#player input[type=checkbox]').click()")  # keys alone sound
     row = page.find(".keys")
@@ -111,7 +122,7 @@ def test_keys_play_the_version_that_is_shown(page, tmp_path):
     page.until(lambda: page.script(keys) == [36, 43, 48])
     hold(page, 48)
     saved = heard(page, "played")
-    want = rendered(tmp_path / "mine.toml", 48, 90, tmp_path)
+    want = rendered(mine, 48, 90, tmp_path)
     assert is_beginning_of(saved, want) and not is_beginning_of(edited, want)
 
 
