@@ -56,6 +56,7 @@ def test_both_sides_play_every_round() -> None:
     assert len(ours) == len(theirs) == 2
     for took in (*ours, *theirs):
         assert took["cpu_s"] > 0.0 and took["wall_s"] > 0.0 and took["compiled"] == 0
+        assert took["mode_steps"] == ours[0]["mode_steps"] > 0
 
 
 def test_what_a_side_cannot_play_is_said() -> None:
@@ -73,10 +74,10 @@ def test_a_package_that_is_not_the_sides_is_refused(tmp_path: Path) -> None:
 def test_the_ratio_is_of_the_other_commit_to_this_tree() -> None:
     figure = {
         "section": "against", "precision": "float64", "lanes": 8, "what": "a note", "commit": "abc", "clock": "CPU",
-        "theirs": [0.025, 0.05, 0.025], "seconds": [0.01, 0.02, 0.01],
+        "theirs": [0.025, 0.05, 0.025], "seconds": [0.01, 0.02, 0.01], "work": 1.25,
     }  # fmt: skip
     text = report.markdown([figure], "a machine", whole=False)
-    assert "| a note | abc | 25 ms | 10 ms | 2.5 × | 2.5 × | 3, CPU |" in text
+    assert "| a note | abc | 25 ms | 10 ms | 2.5 × | 2.5 × | 1.25 × | 3, CPU |" in text
 
 
 def test_without_another_commit_nothing_is_compared() -> None:

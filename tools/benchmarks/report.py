@@ -170,8 +170,9 @@ def _against(found: list[dict[str, Any]]) -> str:
         lines.append(
             [info["what"], info["commit"], *(f"{number(1e3 * median(s), 3)} ms" for s in (info["theirs"], info["seconds"]))]
         )
-        lines[-1] += [f"{number(ratio, 3)} ×", f"{number(best, 3)} ×", f"{len(info['seconds'])}, {info['clock']}"]
-    return table(["what", "commit", "then", "now", "times faster (median)", "best", "rounds"], lines)
+        lines[-1] += [f"{number(ratio, 3)} ×", f"{number(best, 3)} ×", f"{number(info['work'], 3)} ×"]
+        lines[-1].append(f"{len(info['seconds'])}, {info['clock']}")
+    return table(["what", "commit", "then", "now", "times faster (median)", "best", "mode-steps then", "rounds"], lines)
 
 
 def of_bare(info: dict[str, Any]) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -22,11 +23,19 @@ def base(request: pytest.FixtureRequest) -> trees.Base:
     return trees.base_at(request.config.getoption("--against"), cache_folder().parent / "same-sound")
 
 
+@pytest.fixture
+def scene(base: trees.Base, name: str) -> dict[str, Any]:
+    """What is played; made before `benchmark`, which wants to be used."""
+    try:
+        return versus.scene(name, base.side.tree / "presets")
+    except FileNotFoundError as error:
+        pytest.skip(f"{base.commit[:10]} has no {Path(error.filename).name}")
+
+
 @pytest.mark.versus
 @pytest.mark.parametrize("name", versus.NAMES)
-def test_in_turn(benchmark: Any, base: trees.Base, short: bool, all_cores: Any, name: str) -> None:
+def test_in_turn(scene: dict[str, Any], benchmark: Any, base: trees.Base, short: bool, all_cores: Any, name: str) -> None:
     """CPU time of one thread, wall-clock time of several."""
-    scene = versus.scene(name, base.side.tree / "presets")
     several = scene["options"].get("threads", 1) > 1
     if several:
         all_cores()
@@ -42,6 +51,7 @@ def test_in_turn(benchmark: Any, base: trees.Base, short: bool, all_cores: Any, 
         commit=base.commit[:10],
         theirs=theirs,
         seconds=ours,
+        work=found[0][0]["mode_steps"] / found[1][0]["mode_steps"],
         clock=clock,
         precision=planned_precision("standard"),
         lanes=2 * LANES,

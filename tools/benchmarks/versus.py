@@ -1,4 +1,8 @@
-"""What two commits are compared by: scenes of `same_sound`, with the presets of the older one and the plans of this one."""
+"""What two commits are compared by: scenes of `same_sound`, with the presets of the older one.
+
+Each side has the plan that it ships for a preset of that name, as far as it was measured of these very strings: where a
+preset has become another since, the newer side plans it by the law. The mode-steps of both sides say so.
+"""
 
 from __future__ import annotations
 

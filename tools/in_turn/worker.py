@@ -62,7 +62,7 @@ class Playing:
             self._blocks[at >= timed_from].append((due, out[: end - at]))
 
     def round(self) -> dict[str, Any]:
-        """Seconds [s] of the processor and by the wall clock, and how many kernels the process has compiled."""
+        """Seconds [s] of the processor and by the wall clock, mode-steps since silence, kernels compiled by the process."""
         self.engine.reset()
         before, timed = self._blocks
         for events, out in before:
@@ -71,7 +71,8 @@ class Playing:
         for events, out in timed:
             self.engine.process(events, out)
         cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
-        return {"cpu_s": cpu, "wall_s": wall, "compiled": self._compilations.count()}
+        done = {"mode_steps": self.engine.mode_steps, "compiled": self._compilations.count()}
+        return {"cpu_s": cpu, "wall_s": wall} | done
 
 
 if __name__ == "__main__":
