@@ -107,9 +107,9 @@ class Kernel:
         for line, (state, end) in enumerate(zip(self.states, self.ends, strict=True)):
             n = w[line].stop - w[line].start
             x[w[line]] = state.q[:n]
-            x[rates[line]] = state.v[:n] - end.kick[:n] * (self.coupling.direction[line] @ self.coupling.speed)
+            x[rates[line]] = state.v[:n] - end.kick[:n] * (self.coupling.lines.direction[line] @ self.coupling.bridge.speed)
         modes = len(self.system.body.modes)
-        x[p], x[v] = self.coupling.p[:modes], self.coupling.p_speed[:modes]
+        x[p], x[v] = self.coupling.body.motion.p[:modes], self.coupling.body.motion.speed[:modes]
         return x
 
     @property

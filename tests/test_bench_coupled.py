@@ -79,7 +79,7 @@ def test_the_plain_loop_is_the_physics_of_the_kernels(steps: int) -> None:
         for k, line_state in enumerate(kernel.states):
             n = plain.modes[k]
             np.testing.assert_allclose(plain.q[k, :n], line_state.q[:n], atol=1e-8 * np.abs(line_state.q).max())
-        speed = kernel.coupling.speed[: plain.speed.size]
+        speed = kernel.coupling.bridge.speed[: plain.speed.size]
         np.testing.assert_allclose(plain.speed, speed, atol=1e-7 * np.abs(speed).max())
     assert compared >= 10 and touched > 3
 

@@ -9,24 +9,17 @@ import numpy as np
 
 from synth.engine.layout import QUANTUM, SPAN, Bank, Shared
 from synth.instrument.soundboard import Soundboard
-from synth.native.arrays import Pool, allocate
+from synth.native.arrays import Pool, allocate, arrays_of
 from synth.native.views import table
-from synth.solver.coupled_body import body_fields, body_sizes
-from synth.solver.coupling import COUPLING_SIZES, CULLED_FROM, MOST_STEPS, Coupling, End, in_components
+from synth.solver.coupled_body import coupled_body, in_components
+from synth.solver.coupling import COUPLING_SIZES, CULLED_FROM, MOST_STEPS, BridgeLines, Coupling, End
 from synth.solver.lanes import padded, padded_single
 
-#: what a block works with and no block leaves behind
+#: what a block works with and no block leaves behind: records and arrays, by the beginnings of their names
 END_ROOM = ("path", "block.", "few.", "kept.", "single.")
-COUPLING_ROOM = (
-    "touching", "pull", "kicks", "small", "jacobian", "newton", "free", "goes", "radiates", "force",
-    "kept", "knock", "knocked",
-    "big", "big_compact", "big_factor", "big_rows", "big_index", "big_marks",
-)  # fmt: skip
-#: …and what is constant, or an address
-COUPLING_FIXED = (
-    "steps", "line_model", "line_state", "line_end", "direction", "friction", "body", "shape", "parts", "gamma",
-    "radiation", "body_mass", "body_omega", "struck", "moves", "sounds",
-)  # fmt: skip
+COUPLING_ROOM = ("body.ahead.", "block.", "problem.")
+#: …and what changes from block to block; all else is constant, or an address
+COUPLING_CHANGES = ("body.motion.", "bridge.", "counts", "load.")
 
 
 class SharedBody(NamedTuple):
@@ -70,19 +63,23 @@ class Bridges:
             soft = int(bank.models["layered"].any())
             rows = lines + (1 + soft) * sum(sizes[self.strings.index(s)]["contacts"] for s in mine)
             struck = body.frame_s * body.hand / body.mass
-            given = body_fields(body.steps, body.shape, body.radiation, body.mass, body.omega, struck)
-            extents = {"lines": lines, "rows": rows, "knocks": QUANTUM, "stretches": SPAN} | body_sizes(given)
+            extents = COUPLING_SIZES | {"lines": lines, "rows": rows, "stretches": SPAN}
+            on_bridge = allocate(
+                BridgeLines,
+                extents,
+                steps=np.ascontiguousarray(bank.strings["factor"][mine.start : mine.stop]),
+                direction=in_components(body.direction, 1),
+                friction=np.ascontiguousarray(bank.strings["friction"][mine.start : mine.stop]),
+            )
             self.couplings.append(
                 allocate(
                     Coupling,
-                    COUPLING_SIZES | extents,
+                    extents,
                     frame=body.frame_s,
                     single=int(single_too),
                     culled_from=CULLED_FROM,
-                    steps=np.ascontiguousarray(bank.strings["factor"][mine.start : mine.stop]),
-                    direction=in_components(body.direction, 1),
-                    friction=np.ascontiguousarray(bank.strings["friction"][mine.start : mine.stop]),
-                    **given,
+                    lines=on_bridge,
+                    body=coupled_body(body.steps, body.shape, body.radiation, body.mass, body.omega, struck, QUANTUM),
                 )
             )
         self.instruments = [shared.instrument for shared in bodies]
@@ -95,8 +92,8 @@ class Bridges:
             shared.end_at[s] = end.ctypes.data
         for i, mine, coupling, at in zip(self.instruments, self._of_body, self.couplings, self.coupling_tables, strict=True):
             shared.coupling_at[i] = at.ctypes.data
-            coupling.line_state[:] = shared.string_at[mine.start : mine.stop]
-            coupling.line_end[:] = shared.end_at[mine.start : mine.stop]
+            coupling.lines.state[:] = shared.string_at[mine.start : mine.stop]
+            coupling.lines.end[:] = shared.end_at[mine.start : mine.stop]
 
     @property
     def room(self) -> dict[str, np.ndarray]:
@@ -108,7 +105,7 @@ class Bridges:
         ends = {f"end.{name}": array for name, array in self.ends.flat.items() if not name.startswith(END_ROOM)}
         out = dict(ends) if self.strings else {}
         for number, coupling in enumerate(self.couplings):
-            for name, value in coupling._asdict().items():
-                if isinstance(value, np.ndarray) and name not in COUPLING_ROOM + COUPLING_FIXED:
-                    out[f"body.{number}.{name}"] = value
+            for name, array in arrays_of(coupling).items():
+                if name.startswith(COUPLING_CHANGES):
+                    out[f"body.{number}.{name}"] = array
         return out

@@ -67,7 +67,7 @@ def bridge_under(core: int, s: int) -> tuple[float, float]:
     i = bank_of(core).strings[s].instrument
     coupling = coupling_at(shared_of(core).coupling_at[i])
     line = s - bank_of(core).instruments[i].first_string
-    return along(coupling, line, coupling.beta), along(coupling, line, coupling.speed)
+    return along(coupling, line, coupling.bridge.beta), along(coupling, line, coupling.bridge.speed)
 
 
 @njit(**CORE)
@@ -109,7 +109,7 @@ def refresh_end(core: int, thread: int, s: int, model_too: bool) -> bool:
     bank = bank_of(core)
     i = bank.strings[s].instrument
     coupling, line = shared.coupling_at[i], s - bank.instruments[i].first_string
-    coupling_at(coupling).line_model[line] = model_address(core, s)
+    coupling_at(coupling).lines.model[line] = model_address(core, s)
     certain = False
     if model_too:
         certain = _refresh_apart(core, s)

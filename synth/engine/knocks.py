@@ -50,20 +50,20 @@ def end_knock(core: int, s: int) -> None:
 
 @njit(**CORE)
 def knock_on(core: int, i: int, frames: int) -> None:
-    """Coupling.knock: what all hands do to the body of an instrument in its next frames."""
+    """Coupling.body.ahead.knock: what all hands do to the body of an instrument in its next frames."""
     bank = bank_of(core)
     instrument, coupling = bank.instruments[i], coupling_at(shared_of(core).coupling_at[i])
-    coupling.knocked[0] = 0
+    coupling.body.ahead.knocked[0] = 0
     if bank.parts[bank.strings[instrument.first_string].part].knock == 0.0:
         return
     for s in range(instrument.first_string, instrument.end_string):
         knock = knock_of(core, s)
         if knock.steps == 0:
             continue
-        if coupling.knocked[0] == 0:
-            coupling.knocked[0] = 1
-            coupling.knock[:frames] = 0.0
-        _push(core, s, frames, coupling.knock)
+        if coupling.body.ahead.knocked[0] == 0:
+            coupling.body.ahead.knocked[0] = 1
+            coupling.body.ahead.knock[:frames] = 0.0
+        _push(core, s, frames, coupling.body.ahead.knock)
         knock.step += frames
         if knock.step >= knock.steps:
             end_knock(core, s)

@@ -129,7 +129,7 @@ def _find_models(core: int, i: int) -> None:
     """Addresses of the models that the lines now have, for the solver."""
     instrument, coupling = bank_of(core).instruments[i], coupling_at(shared_of(core).coupling_at[i])
     for s in range(instrument.first_string, instrument.end_string):
-        coupling.line_model[s - instrument.first_string] = line_address(core, s)
+        coupling.lines.model[s - instrument.first_string] = line_address(core, s)
 
 
 @njit(**CORE)
@@ -160,9 +160,9 @@ def _falls_asleep(core: int, thread: int, i: int) -> bool:
     instrument = bank.instruments[i]
     coupling, scratch = coupling_at(shared_of(core).coupling_at[i]), scratch_of(thread)
     swinging = 0.0
-    for m in range(coupling.p.size):
-        w = coupling.body_omega[m] * coupling.p[m]
-        swinging += coupling.body_mass[m] * (coupling.p_speed[m] * coupling.p_speed[m] + w * w)
+    for m in range(coupling.body.motion.p.size):
+        w = coupling.body.omega[m] * coupling.body.motion.p[m]
+        swinging += coupling.body.mass[m] * (coupling.body.motion.speed[m] * coupling.body.motion.speed[m] + w * w)
     loudest = instrument.output_bound * math.sqrt(swinging)
     for s in range(instrument.first_string, instrument.end_string):
         voice, hand, motion, string = voice_of(core, s), hand_of(core, s), motion_of(core, s), string_of(core, s)
@@ -242,12 +242,12 @@ def sleep_together(core: int, i: int) -> None:
     bank, coupling = bank_of(core), coupling_at(shared_of(core).coupling_at[i])
     for s in range(bank.instruments[i].first_string, bank.instruments[i].end_string):
         sleep(core, s)
-    coupling.p[:] = 0.0
-    coupling.p_speed[:] = 0.0
-    coupling.beta[:] = 0.0
-    coupling.speed[:] = 0.0
-    coupling.rest[:] = 0.0
-    coupling.momentum[:] = 0.0
+    coupling.body.motion.p[:] = 0.0
+    coupling.body.motion.speed[:] = 0.0
+    coupling.bridge.beta[:] = 0.0
+    coupling.bridge.speed[:] = 0.0
+    coupling.bridge.rest[:] = 0.0
+    coupling.bridge.momentum[:] = 0.0
 
 
 @njit(**CORE)
@@ -326,7 +326,7 @@ def _refresh_lines(core: int, thread: int, i: int, frames: int) -> int:
         changed_it = changed_it or (end.counts[BY_FRAMES] != 0 and not fingered)
         contacts = 0 if motion.flying else bank.models[hand.model].contacts
         line = s - instrument.first_string
-        coupling.line_model[line] = line_address(core, s)
+        coupling.lines.model[line] = line_address(core, s)
         if bank.strings[s].friction > 0.0:
             engaged = end_at(shared.end_at[s - 1]).counts[ENGAGED]
         elif changed_it and contacts > 0 and not certain:
@@ -366,7 +366,7 @@ def _count_forces(core: int, i: int, ahead: int) -> None:
     """
     shared = shared_of(core)
     instrument, coupling = bank_of(core).instruments[i], coupling_at(shared.coupling_at[i])
-    held = coupling.held[ahead]
+    held = coupling.bridge.held[ahead]
     for d in range(held.size):
         held[d] = 0.0
     for s in range(instrument.first_string, instrument.end_string):
@@ -376,7 +376,7 @@ def _count_forces(core: int, i: int, ahead: int) -> None:
             pull += end_at(shared.end_at[s]).leverage[0] * motion.lift
         if pull != 0.0:
             for d in range(held.size):
-                held[d] += coupling.direction[s - instrument.first_string, d] * pull
+                held[d] += coupling.lines.direction[s - instrument.first_string, d] * pull
 
 
 @njit(**CORE)
@@ -395,7 +395,7 @@ def _follow_rest(core: int, i: int, ahead: int) -> None:
     if changed:
         _count_forces(core, i, ahead)
     elif ahead > 0:
-        held = coupling_at(shared_of(core).coupling_at[i]).held
+        held = coupling_at(shared_of(core).coupling_at[i]).bridge.held
         put(held[ahead], held[ahead - 1])
 
 

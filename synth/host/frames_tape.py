@@ -107,11 +107,11 @@ def taped_together(core: int, thread: int, i: int, _: int) -> None:
                 q[j] = string.q[j] if j < model.n else 0.0
                 v[j] = string.v[j] if j < model.n else 0.0
         for j in range(tape.p.shape[1]):
-            tape.p[shot, j] = coupling.p[j]
-            tape.p_speed[shot, j] = coupling.p_speed[j]
+            tape.p[shot, j] = coupling.body.motion.p[j]
+            tape.p_speed[shot, j] = coupling.body.motion.speed[j]
         for j in range(tape.bridge.shape[1]):
-            tape.bridge[shot, j] = coupling.beta[j]
-            tape.speed[shot, j] = coupling.speed[j]
+            tape.bridge[shot, j] = coupling.bridge.beta[j]
+            tape.speed[shot, j] = coupling.bridge.speed[j]
         for k in range(tape.running.shape[1]):
             tape.force[shot, k] = tape.running[0, k]
             tape.impulse[shot, k] = tape.running[1, k]

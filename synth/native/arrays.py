@@ -97,14 +97,15 @@ def arrays_of(part: Any) -> dict[str, np.ndarray]:
 def allocate(kind: type[Kind], sizes: Mapping[str, int], **given: Any) -> Kind:
     """A `kind` of zeros with the extents that `sizes` names, but for what is given.
 
-    Numbers have to be given, and records that hold some. Raises TypeError for a field that is missing, unknown or of another
-    element type, ValueError for an array whose shape is not the declared one and for an extent that `sizes` does not name.
+    Numbers have to be given, and records that hold some; a record is taken as it is. Raises TypeError for a field that is
+    missing, unknown or of another element type, ValueError for an array whose shape is not the declared one and for an
+    extent that `sizes` does not name.
     """
     known, inner = fields(kind), records(kind)
     if unknown := sorted(given.keys() - known.keys() - inner.keys()):
         raise TypeError(f"{kind.__name__} has no field {unknown[0]}")
-    for name, record_kind in inner.items():
-        given[name] = allocate(record_kind, sizes, **(given[name]._asdict() if name in given else {}))
+    for name in inner.keys() - given.keys():
+        given[name] = allocate(inner[name], sizes)
     for name, field in known.items():
         if "." in name:
             continue

@@ -33,7 +33,7 @@ import numpy as np
 from synth.engine import arguments, layout, team
 from synth.engine.bank import new_scratch
 from synth.engine.board_tables import BOARD_PARTS
-from synth.engine.bridges import COUPLING_FIXED, COUPLING_ROOM
+from synth.engine.bridges import COUPLING_CHANGES, COUPLING_ROOM
 from synth.engine.engine import Engine
 from synth.engine.memory_map import EngineMemory
 from synth.engine.parameters import Parameter
@@ -42,7 +42,7 @@ from synth.instrument.preset import Preset
 from synth.jit.entries import entered
 from synth.jit.kernel_sources import sources_id
 from synth.jit.prebuilt import name_of
-from synth.native.arrays import fields, values
+from synth.native.arrays import arrays_of, fields, values
 from synth.plugin import library, recipe
 from synth.plugin.addresses import CONSTANT, CORE, THREAD, TO_FUNCTION, Memory, pointers, word_of
 from synth.plugin.description import DescribedPreset, curve_of, describe
@@ -451,12 +451,11 @@ def add_engine(memory: Memory, inside: EngineMemory) -> tuple[int, int]:
         for array in bridges.room.values():
             memory.add(CORE, array, content=np.zeros_like(array))
     for coupling in bridges.couplings:
-        for name in COUPLING_ROOM:
-            array = getattr(coupling, name)
-            memory.add(CORE, array, content=np.zeros_like(array))
-        for name in COUPLING_FIXED:
-            if name not in _COUPLING_POINTS:
-                memory.add(CONSTANT, getattr(coupling, name))
+        for name, array in arrays_of(coupling).items():
+            if name.startswith(COUPLING_ROOM):
+                memory.add(CORE, array, content=np.zeros_like(array))
+            elif not name.startswith(COUPLING_CHANGES) and name not in _COUPLING_POINTS:
+                memory.add(CONSTANT, array)
     for board, room in zip(strings.boards.items, strings.boards.rooms, strict=True):
         for name in CONSTANT_ARRAYS:
             memory.add(CONSTANT, getattr(board, name))
@@ -471,7 +470,7 @@ def add_engine(memory: Memory, inside: EngineMemory) -> tuple[int, int]:
 
 
 #: arrays of a Coupling that hold addresses; the core itself puts those of the models there
-_COUPLING_POINTS = ("line_model", "line_state", "line_end")
+_COUPLING_POINTS = ("lines.model", "lines.state", "lines.end")
 
 
 def _add_tables(memory: Memory, inside: EngineMemory) -> None:
@@ -498,8 +497,8 @@ def _add_tables(memory: Memory, inside: EngineMemory) -> None:
     for table, coupling in zip(strings.bridges.coupling_tables, strings.bridges.couplings, strict=True):
         content = table.copy()
         memory.add(CORE, table, points=pointers(content, Coupling), content=content)
-        memory.add(CORE, coupling.line_model, content=np.zeros_like(coupling.line_model))
-        for array in (coupling.line_state, coupling.line_end):
+        memory.add(CORE, coupling.lines.model, content=np.zeros_like(coupling.lines.model))
+        for array in (coupling.lines.state, coupling.lines.end):
             memory.add(CORE, array, points=range(array.size), content=array.copy())
     for table in strings.boards.tables:
         content = table.copy()

@@ -84,13 +84,8 @@ def certify(model: int, state: int, scratch: int, q, v) -> None:
     """
     m, s, w = string_model(model), string_state(state), scratch_of(scratch)
     contacts = m.shapes.shape[0]
-    until, renewed, margin, bounds, eta = (
-        s.certificates.until,
-        s.certificates.renewed,
-        s.certificates.margin,
-        s.certificates.bounds,
-        s.eta,
-    )
+    held = s.certificates
+    until, renewed, margin, bounds, eta = held.until, held.renewed, held.margin, held.bounds, s.eta
     now = s.counts[CLOCK]
     due, stale = False, False
     for c in range(contacts):

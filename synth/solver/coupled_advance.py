@@ -20,6 +20,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from synth.solver.coupled_body import COMPONENTS
 from synth.solver.coupled_ledger import weigh_frame
 from synth.solver.coupled_study import (
     CONTACT_FRAMES,
@@ -35,7 +36,7 @@ from synth.solver.coupled_study import (
     frame_before,
     study_rows,
 )
-from synth.solver.coupling import COMPONENTS, TENSION, along, coupling_at, end_at, gather_lines
+from synth.solver.coupling import TENSION, along, coupling_at, end_at, gather_lines
 from synth.solver.frames import FORCE, FROM_CONTACTS, V, advance_frames
 from synth.solver.line_certificates import look_everywhere
 from synth.solver.stringmodel import string_model, string_state
@@ -52,19 +53,19 @@ def advance_study(study: int, frames: int) -> None:
 def _frame(study: int, number: int) -> None:
     t, r, was = coupled_study(study), study_rows(study), frame_before(study)
     c = coupling_at(t.coupling)
-    lines = c.line_end.size
+    lines = c.lines.end.size
     _move(study, number)
     for line in range(lines):
-        s, m = string_state(c.line_state[line]), string_model(c.line_model[line])
+        s, m = string_state(c.lines.state[line]), string_model(c.lines.model[line])
         for j in range(m.modes):
             was.q[line, j] = s.q[j]
             was.v[line, j] = s.v[j]
         for k in range(m.shapes.shape[0]):
             was.force[t.first[line] + k] = s.force[k]
-    for k in range(c.p.size):
-        was.body[0, k], was.body[1, k] = c.p[k], c.p_speed[k]
+    for k in range(c.body.motion.p.size):
+        was.body[0, k], was.body[1, k] = c.body.motion.p[k], c.body.motion.speed[k]
     for i in range(COMPONENTS):
-        was.speed[i], was.beta[i], was.rest[i] = c.speed[i], c.beta[i], c.rest[i]
+        was.speed[i], was.beta[i], was.rest[i] = c.bridge.speed[i], c.bridge.beta[i], c.bridge.rest[i]
     if advance_frames(t.coupling, t.scratch, int(np.int64(1)), int(np.int64(1)), t.out) != 0:
         r.counts[UNSOLVED] += 1
     touched = weigh_frame(study)
@@ -74,9 +75,9 @@ def _frame(study: int, number: int) -> None:
         r.counts[CONTACT_FRAMES] += 1
         r.counts[LAST_CONTACT] = r.counts[STEPS]
     for i in range(COMPONENTS):
-        force = c.small[FORCE, i] + c.small[FROM_CONTACTS, i]
+        force = c.block.small[FORCE, i] + c.block.small[FROM_CONTACTS, i]
         for k in range(COMPONENTS):
-            force -= c.drag[i, k] * c.small[V, k]
+            force -= c.load.drag[i, k] * c.block.small[V, k]
         t.mean_bridge[i] += force
     if r.counts[PHASE] == t.every:
         write_row(study)
@@ -89,9 +90,9 @@ def _move(study: int, number: int) -> None:
     c = coupling_at(t.coupling)
     frame, turned = c.frame, False
     for i in range(COMPONENTS):
-        c.held[0, i] = 0.0
-    for line in range(c.line_end.size):
-        e, s, m = end_at(c.line_end[line]), string_state(c.line_state[line]), string_model(c.line_model[line])
+        c.bridge.held[0, i] = 0.0
+    for line in range(c.lines.end.size):
+        e, s, m = end_at(c.lines.end[line]), string_state(c.lines.state[line]), string_model(c.lines.model[line])
         before, after = f.height[line], f.path[number, line]
         was.far[line] = before
         speed = (after - before) / frame
@@ -105,7 +106,7 @@ def _move(study: int, number: int) -> None:
         f.height[line] = after
         pull = 0.5 * e.numbers[TENSION] * (before + after)
         for i in range(COMPONENTS):
-            c.held[0, i] -= c.direction[line, i] * pull
+            c.bridge.held[0, i] -= c.lines.direction[line, i] * pull
         for k in range(m.shapes.shape[0]):
             at = t.first[line] + k
             was.eta[at] = s.eta[k]
@@ -118,9 +119,9 @@ def _move(study: int, number: int) -> None:
             s.eta[k] = wanted - f.leverage[at] * after
             stirred = stirred or s.eta[k] != was.eta[at]
         if stirred:  # what was certain of contacts is not any more
-            look_everywhere(c.line_end[line])
+            look_everywhere(c.lines.end[line])
         if s.finger[0].on:
-            steps = c.steps[line]
+            steps = c.lines.steps[line]
             for i in range(steps + 1):
                 height = before + (after - before) * i / steps
                 e.path[i] = t.path[line, number * steps + i] - f.finger[line] * height
@@ -138,17 +139,17 @@ def write_row(study: int) -> None:
         return
     for p in range(t.out_line.size):
         line = t.out_line[p]
-        s, m = string_state(c.line_state[line]), string_model(c.line_model[line])
-        total = t.out_leverage[p] * along(c, line, c.beta) + t.out_far[p] * f.height[line]
+        s, m = string_state(c.lines.state[line]), string_model(c.lines.model[line])
+        total = t.out_leverage[p] * along(c, line, c.bridge.beta) + t.out_far[p] * f.height[line]
         for j in range(m.modes):
             total += t.out_shape[p, j] * s.q[j]
         r.u[row, p] = total
     share = 1.0 / r.counts[PHASE] if r.counts[PHASE] else 1.0
-    for line in range(c.line_end.size):
-        e, s, m = end_at(c.line_end[line]), string_state(c.line_state[line]), string_model(c.line_model[line])
+    for line in range(c.lines.end.size):
+        e, s, m = end_at(c.lines.end[line]), string_state(c.lines.state[line]), string_model(c.lines.model[line])
         for k in range(m.shapes.shape[0]):
             at = t.first[line] + k
-            total = e.leverage[k] * along(c, line, c.beta) + f.leverage[at] * f.height[line]
+            total = e.leverage[k] * along(c, line, c.bridge.beta) + f.leverage[at] * f.height[line]
             for j in range(m.modes):
                 total += m.shapes[k, j] * s.q[j]
             for o in range(m.shapes.shape[0]):
@@ -157,7 +158,7 @@ def write_row(study: int) -> None:
             r.contact_force[row, at] = t.mean_force[at] * share
             t.mean_force[at] = 0.0
     for i in range(r.bridge.shape[1]):
-        r.bridge[row, i] = c.beta[i]
+        r.bridge[row, i] = c.bridge.beta[i]
         r.bridge_force[row, i] = t.mean_bridge[i] * share
     t.mean_bridge[:] = 0.0
     for channel in range(t.out.shape[0]):

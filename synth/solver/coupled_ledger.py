@@ -15,6 +15,7 @@ from __future__ import annotations
 from numba import njit
 
 from synth.solver.block_rows import P11, P12, P21, P22
+from synth.solver.coupled_body import COMPONENTS
 from synth.solver.coupled_study import (
     BALANCE,
     BODY,
@@ -45,7 +46,6 @@ from synth.solver.coupled_study import (
     study_rows,
 )
 from synth.solver.coupling import (
-    COMPONENTS,
     FINGER_LEVERAGE,
     KEPT_BY_THE_REST,
     KIND,
@@ -67,26 +67,26 @@ def weigh_now(study: int) -> float:
     now = t.now
     for k in range(N_STORED):
         now[k] = 0.0
-    for line in range(c.line_end.size):
-        e, s, m = end_at(c.line_end[line]), string_state(c.line_state[line]), string_model(c.line_model[line])
-        speed, far_speed = along(c, line, c.speed), f.speed[line]
+    for line in range(c.lines.end.size):
+        e, s, m = end_at(c.lines.end[line]), string_state(c.lines.state[line]), string_model(c.lines.model[line])
+        speed, far_speed = along(c, line, c.bridge.speed), f.speed[line]
         total = 0.0
         for j in range(m.modes):
             y = s.v[j] - e.kick[j] * speed + f.moments[line, j] * far_speed
             w = m.omega[j] * s.q[j]
             total += y * y + w * w
         now[STRINGS] += 0.5 * m.mu * total
-        drawn = along(c, line, c.beta) - f.height[line]
+        drawn = along(c, line, c.bridge.beta) - f.height[line]
         now[SPRINGS] += 0.5 * e.numbers[TENSION] * drawn * drawn
         for k in range(m.shapes.shape[0]):
             for i in range(m.shapes.shape[0]):
                 now[RESIDUAL] += 0.5 * s.force[k] * m.residual[k, i] * s.force[i]
-    for i in range(c.rest.size):
-        for k in range(c.rest.size):
-            now[LEFT_OUT] += 0.5 * c.rest[i] * c.rest_mass[i, k] * c.rest[k]
-    for k in range(c.p.size):
-        w = c.body_omega[k] * c.p[k]
-        now[BODY] += 0.5 * c.body_mass[k] * (c.p_speed[k] * c.p_speed[k] + w * w)
+    for i in range(c.bridge.rest.size):
+        for k in range(c.bridge.rest.size):
+            now[LEFT_OUT] += 0.5 * c.bridge.rest[i] * c.load.rest_mass[i, k] * c.bridge.rest[k]
+    for k in range(c.body.motion.p.size):
+        w = c.body.omega[k] * c.body.motion.p[k]
+        now[BODY] += 0.5 * c.body.mass[k] * (c.body.motion.speed[k] * c.body.motion.speed[k] + w * w)
     return now[STRINGS] + now[SPRINGS] + now[RESIDUAL] + now[LEFT_OUT] + now[BODY]
 
 
@@ -102,13 +102,13 @@ def weigh_frame(study: int) -> bool:
         before += now[k]
     touched = False
     strings, contact, finger_work, obstacle_work, far_work = 0.0, 0.0, 0.0, 0.0, 0.0
-    for line in range(c.line_end.size):
-        e, s, m = end_at(c.line_end[line]), string_state(c.line_state[line]), string_model(c.line_model[line])
-        contacts, n, steps = m.shapes.shape[0], m.modes, c.steps[line]
+    for line in range(c.lines.end.size):
+        e, s, m = end_at(c.lines.end[line]), string_state(c.lines.state[line]), string_model(c.lines.model[line])
+        contacts, n, steps = m.shapes.shape[0], m.modes, c.lines.steps[line]
         fingered = s.finger[0].on != 0
         if not ledger and contacts == 0:
             continue
-        old, new = along(c, line, was.speed), along(c, line, c.speed)
+        old, new = along(c, line, was.speed), along(c, line, c.bridge.speed)
         b, far = along(c, line, was.beta), was.far[line]
         turn = new - old
         q, v = was.q[line], was.v[line]
@@ -184,19 +184,19 @@ def weigh_frame(study: int) -> bool:
     if not ledger:
         return touched
     body = 0.0
-    for k in range(c.p.size):
+    for k in range(c.body.motion.p.size):
         force = 0.0
         for i in range(COMPONENTS):
-            force += c.shape[i, k] * c.force[i, 0]
-        w_old, w_new = c.body_omega[k] * was.body[0, k], c.body_omega[k] * c.p[k]
-        v_old, v_new = was.body[1, k], c.p_speed[k]
-        body += 0.5 * c.body_mass[k] * (v_old * v_old - v_new * v_new + w_old * w_old - w_new * w_new)
-        body += force * (c.p[k] - was.body[0, k])
+            force += c.body.shape[i, k] * c.body.ahead.force[i, 0]
+        w_old, w_new = c.body.omega[k] * was.body[0, k], c.body.omega[k] * c.body.motion.p[k]
+        v_old, v_new = was.body[1, k], c.body.motion.speed[k]
+        body += 0.5 * c.body.mass[k] * (v_old * v_old - v_new * v_new + w_old * w_old - w_new * w_new)
+        body += force * (c.body.motion.p[k] - was.body[0, k])
     rest = 0.0
-    for i in range(c.rest.size):
-        for k in range(c.rest.size):
-            one, other = was.rest[i] - c.speed[i], was.rest[k] - c.speed[k]
-            rest += 0.5 * (1.0 - KEPT_BY_THE_REST * KEPT_BY_THE_REST) * one * c.rest_mass[i, k] * other
+    for i in range(c.bridge.rest.size):
+        for k in range(c.bridge.rest.size):
+            one, other = was.rest[i] - c.bridge.speed[i], was.rest[k] - c.bridge.speed[k]
+            rest += 0.5 * (1.0 - KEPT_BY_THE_REST * KEPT_BY_THE_REST) * one * c.load.rest_mass[i, k] * other
     after = weigh_now(study)
     now[LOST_STRINGS] += strings
     now[LOST_CONTACT] += contact
@@ -240,7 +240,7 @@ def _balance(now, sums) -> float:
 @njit(inline="always")
 def _step(t, was, c, line: int, i: int, q, v) -> None:
     """Step i of the frame over the modes of a line that was looked at, with its forces; FrameBefore.acting has them."""
-    e, s, m = end_at(c.line_end[line]), string_state(c.line_state[line]), string_model(c.line_model[line])
+    e, s, m = end_at(c.lines.end[line]), string_state(c.lines.state[line]), string_model(c.lines.model[line])
     rows, contacts = m.rows, m.shapes.shape[0]
     first = t.first[line]
     for k in range(contacts):

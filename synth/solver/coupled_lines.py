@@ -15,7 +15,7 @@ from synth.native.arrays import aligned, allocate
 from synth.native.views import table
 from synth.solver import coupling
 from synth.solver.block_rows import BLOCK
-from synth.solver.coupled_body import body_fields, body_sizes
+from synth.solver.coupled_body import coupled_body, in_components
 from synth.solver.fingers import fill_grip
 from synth.solver.lanes import padded
 from synth.solver.laws import EXACT_HOLD, coefficients
@@ -82,7 +82,7 @@ class CoupledLines:
         knocks: int = 1,
     ) -> None:
         """most_modes: of each line at any time, those it has now unless said; path: numbers that End.path takes;
-        culled_from: contacts of a line from which on some may be passed over; knocks: numbers that Coupling.knock takes."""
+        culled_from: contacts of a line from which on some may be passed over; knocks: frames in which a hand may push."""
         self._path = path
         self.steps = [int(count) for count in steps]
         self._frame_s = frame_s
@@ -94,17 +94,16 @@ class CoupledLines:
         hold = coefficients(EXACT_HOLD, body.omega, body.sigma, 1.0, frame_s)
         hold[4:] /= body.mass
         struck = np.zeros_like(body.omega) if body.struck is None else body.struck
-        given = body_fields(hold, body.shapes, body.radiation, body.mass, body.omega, struck)
-        extents = {"lines": len(lines), "rows": sum(rows) + len(lines), "knocks": knocks, "stretches": 1} | body_sizes(given)
+        sizes = coupling.COUPLING_SIZES | {"lines": len(lines), "rows": sum(rows) + len(lines), "stretches": 1}
+        directions = in_components(np.array([line.direction for line in lines]), 1)
         self.coupling = allocate(
             coupling.Coupling,
-            coupling.COUPLING_SIZES | extents,
+            sizes,
             frame=frame_s,
             single=0,
             culled_from=culled_from,
-            steps=np.array(self.steps, np.int64),
-            direction=coupling.in_components(np.array([line.direction for line in lines]), 1),
-            **given,
+            lines=allocate(coupling.BridgeLines, sizes, steps=np.array(self.steps, np.int64), direction=directions),
+            body=coupled_body(hold, body.shapes, body.radiation, body.mass, body.omega, struck, knocks),
         )
         self._scratch = make_scratch(max(rows, default=0), max(modes), 1, BLOCK)
         self._kept = [table(state) for state in self.states]
@@ -113,7 +112,7 @@ class CoupledLines:
         self.ends: list = [None] * len(lines)
         self._tables: list = [None] * len(lines)
         for k, line in enumerate(lines):
-            self.coupling.line_state[k] = self._kept[k].ctypes.data
+            self.coupling.lines.state[k] = self._kept[k].ctypes.data
             self.states[k].certificates.looked[:] = 1
             self.states[k].certificates.renewed[:] = -1
             self.set_line(k, line, gather=False)
@@ -172,7 +171,7 @@ class CoupledLines:
         fill_apart(end_at, *room)
         fill_looked_at(model_at, end_at, self.steps[k], *room)
         self.models[k], self.ends[k], self._tables[k] = model, end, tables
-        self.coupling.line_model[k], self.coupling.line_end[k] = model_at, end_at
+        self.coupling.lines.model[k], self.coupling.lines.end[k] = model_at, end_at
         self.states[k].eta[:] = line.eta
         self.states[k].counts[MOVING] = n
         if self.states[k].finger[0]["on"]:
@@ -190,7 +189,7 @@ class CoupledLines:
         state.grip.weights[:] = 0.0
         state.grip.weights[:n] = weights
         self.ends[k].numbers[coupling.FINGER_LEVERAGE] = leverage
-        here = float(weights @ state.q[:n]) + leverage * float(self.coupling.direction[k] @ self.coupling.beta)
+        here = float(weights @ state.q[:n]) + leverage * float(self.coupling.lines.direction[k] @ self.coupling.bridge.beta)
         finger = state.finger[0]
         finger["on"], finger["stiffness"], finger["resistance"] = 1, stiffness, resistance
         finger["here"], finger["push"] = here, 0.0
@@ -221,8 +220,8 @@ class CoupledLines:
         """The body's modes are so, and the bridge with them, its mean motion as fast as they are."""
         body = self.coupling
         modes = p.size
-        body.p[:modes], body.p_speed[:modes] = p, p_speed
-        body.beta[:] = body.shape @ body.p
-        body.speed[:] = 0.0
-        body.rest[:] = body.shape @ body.p_speed
+        body.body.motion.p[:modes], body.body.motion.speed[:modes] = p, p_speed
+        body.bridge.beta[:] = body.body.shape @ body.body.motion.p
+        body.bridge.speed[:] = 0.0
+        body.bridge.rest[:] = body.body.shape @ body.body.motion.speed
         self.gather()

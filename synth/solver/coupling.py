@@ -34,12 +34,11 @@ from synth.native.arrays import f8, i8, u1
 from synth.native.views import opener
 from synth.solver.block_rows import BLOCK, ROWS
 from synth.solver.certificates import MARGIN
+from synth.solver.coupled_body import COMPONENTS, CoupledBody
 from synth.solver.single import SingleLine
 from synth.solver.stringmodel import DEPTH, MOVING, STIFFNESS, string_model, string_state
 from synth.solver.vectors import FAST, INNER, dot
 
-#: components of the bridge's motion that are computed with; those that a body has none of stay zero
-COMPONENTS = 3
 #: steps of a frame, at most, and only powers of two
 MOST_STEPS = BLOCK
 #: what the modes left out keep of their motion against the bridge from frame to frame (negative: it swings over)
@@ -86,8 +85,6 @@ N_NUMBERS = 17
 N_COUNTS = 13
 #: what a line is in a block: apart; engaged, but clear of its contacts for the block; one contact; several, or a finger
 FAR, CLEAR, SINGLE, SEVERAL = range(4)
-#: place of a hand's push among the forces on a body, behind the components of the bridge's
-HAND = COMPONENTS
 #: rows of End.responses.own and shares: while it is not looked at, while it is
 APART, LOOKED_AT = range(2)
 #: places in End.block.answer
@@ -196,70 +193,79 @@ class End(NamedTuple):
     single: SingleLine  # while it is apart; none where Coupling.single is not set
 
 
+class BridgeLines(NamedTuple):
+    """Lines of an instrument, and how each meets the bridge."""
+
+    steps: Annotated[np.ndarray, i8("lines")]  # r of each
+    model: Annotated[np.ndarray, i8("lines")]  # addresses of each line's StringModel, …
+    state: Annotated[np.ndarray, i8("lines")]  # … StringState …
+    end: Annotated[np.ndarray, i8("lines")]  # … and End
+    direction: Annotated[np.ndarray, f8("lines, components")]  # B
+    friction: Annotated[np.ndarray, f8("lines")]  # of a line at the contacts of the line before, 0: there is none
+
+
+class BridgeMotion(NamedTuple):
+    """How the bridge moves, and what holds it."""
+
+    beta: Annotated[np.ndarray, f8("components")]  # [m]
+    speed: Annotated[np.ndarray, f8("components")]  # V of the frame before [m/s]
+    rest: Annotated[np.ndarray, f8("components")]  # motion of the modes left out, in units of √REST [m/s]
+    momentum: Annotated[np.ndarray, f8("components")]  # Σ B μ Σ c ẏ
+    # force that what is at rest puts on the bridge, which it is counted from: now, and in further stretches of a call
+    held: Annotated[np.ndarray, f8("stretches, components")]
+
+
+class BridgeLoad(NamedTuple):
+    """What the lines as they are mean to the bridge: `gather_lines`."""
+
+    share: Annotated[np.ndarray, f8("components, components")]  # Σ B Bᵀ μ Σ c²
+    rest_mass: Annotated[np.ndarray, f8("components, components")]  # Σ B Bᵀ μ (L/3 − Σ c²)
+    tension: Annotated[np.ndarray, f8("components, components")]  # Σ B Bᵀ T/L
+    own: Annotated[
+        np.ndarray, f8("2, components, components, RESPONSE")
+    ]  # Σ B Bᵀ of their own; lines apart, lines looked at
+    moving: Annotated[np.ndarray, f8("components, components")]  # of all lines, at the end of the kick's own frame
+    drag: Annotated[np.ndarray, f8("components, components")]  # A
+    inverse: Annotated[np.ndarray, f8("components, components")]  # (I + Γ A/H)⁻¹
+    answer: Annotated[np.ndarray, f8("components, components")]  # (I + Γ A/H)⁻¹ Γ
+
+
+class BridgeBlock(NamedTuple):
+    """Room for a block of the bridge."""
+
+    touching: Annotated[np.ndarray, i8("lines + 1")]  # how many lines are not `FAR`, and which
+    pull: Annotated[np.ndarray, f8("components, BLOCK")]  # of the lines apart, at the ends of the block's frames
+    kicks: Annotated[np.ndarray, f8("components, BLOCK")]
+    small: Annotated[np.ndarray, f8("6, components")]
+    jacobian: Annotated[np.ndarray, f8("components, components")]
+    newton: Annotated[np.ndarray, f8("components, components")]
+    kept: Annotated[np.ndarray, f8("4, components")]
+
+
+class HeldProblem(NamedTuple):
+    """The problem of all contacts and fingers, where forces are held (`held_forces`)."""
+
+    matrix: Annotated[np.ndarray, f8("rows*rows")]
+    compact: Annotated[np.ndarray, f8("rows*rows")]
+    factor: Annotated[np.ndarray, f8("rows*rows")]
+    rows: Annotated[np.ndarray, f8("3, rows")]
+    places: Annotated[np.ndarray, i8("3, rows")]
+    marks: Annotated[np.ndarray, u1("2, rows")]
+
+
 class Coupling(NamedTuple):
     """An instrument's bridge and body, constants and state, and what follows from its lines as they now are."""
 
     frame: float  # H [s]
     single: int  # whether lines that are not looked at hold their modes in float32 over a call
     culled_from: int  # contacts of a line from which on some are passed over where they are out of reach (`line_culling`)
-    steps: Annotated[np.ndarray, i8("lines")]  # r of each
-    line_model: Annotated[np.ndarray, i8("lines")]  # addresses of each line's StringModel, …
-    line_state: Annotated[np.ndarray, i8("lines")]  # … StringState …
-    line_end: Annotated[np.ndarray, i8("lines")]  # … and End
-    direction: Annotated[np.ndarray, f8("lines, components")]  # B
-    friction: Annotated[np.ndarray, f8("lines")]  # of a line at the contacts of the line before, 0: there is none
-    # the body, `coupled_body.body_fields`
-    body: Annotated[np.ndarray, f8("ROWS, body")]  # of a frame, `lanes`
-    shape: Annotated[np.ndarray, f8("components, body")]  # Ψ
-    parts: Annotated[np.ndarray, i8("parts")]  # numbers of the components that it moves the bridge in
-    gamma: Annotated[np.ndarray, f8("components, components")]  # Γ = Ψ diag(kq) Ψᵀ
-    radiation: Annotated[np.ndarray, f8("channels, body")]  # output of an acceleration
-    body_mass: Annotated[np.ndarray, f8("body")]  # [kg]
-    body_omega: Annotated[np.ndarray, f8("body")]
-    struck: Annotated[np.ndarray, f8("body")]  # what velocities change by as a hand pushes on the body by 1 N for a frame
-    moves: Annotated[np.ndarray, f8("components, components + 1, RESPONSE")]  # the bridge, by 1 N in each, and by the hand
-    sounds: Annotated[np.ndarray, f8("channels, components + 1, RESPONSE")]  # change of the radiating speed over each frame
-    # state
-    p: Annotated[np.ndarray, f8("body")]  # displacements …
-    p_speed: Annotated[np.ndarray, f8("body")]  # … and velocities of the body's modes
-    beta: Annotated[np.ndarray, f8("components")]  # [m]
-    speed: Annotated[np.ndarray, f8("components")]  # V of the frame before [m/s]
-    rest: Annotated[np.ndarray, f8("components")]  # motion of the modes left out, in units of √REST [m/s]
-    # force that what is at rest puts on the bridge, which it is counted from: now, and in further stretches of a call
-    held: Annotated[np.ndarray, f8("stretches, components")]
+    lines: BridgeLines
+    body: CoupledBody
+    bridge: BridgeMotion
     counts: Annotated[np.ndarray, i8("N_COUPLING_COUNTS")]
-    # of the lines as they are: `gather_lines`
-    momentum: Annotated[np.ndarray, f8("components")]  # Σ B μ Σ c ẏ
-    share: Annotated[np.ndarray, f8("components, components")]  # Σ B Bᵀ μ Σ c²
-    rest_mass: Annotated[np.ndarray, f8("components, components")]  # Σ B Bᵀ μ (L/3 − Σ c²)
-    tension: Annotated[np.ndarray, f8("components, components")]  # Σ B Bᵀ T/L
-    own: Annotated[
-        np.ndarray, f8("2, components, components, RESPONSE")
-    ]  # Σ B Bᵀ of End.responses.own; lines apart, lines looked at
-    moving: Annotated[np.ndarray, f8("components, components")]  # of all lines, at the end of the kick's own frame
-    drag: Annotated[np.ndarray, f8("components, components")]  # A
-    inverse: Annotated[np.ndarray, f8("components, components")]  # (I + Γ A/H)⁻¹
-    answer: Annotated[np.ndarray, f8("components, components")]  # (I + Γ A/H)⁻¹ Γ
-    # room for a block
-    touching: Annotated[np.ndarray, i8("lines + 1")]  # how many lines are not `FAR`, and which
-    knocked: Annotated[np.ndarray, i8("1")]  # whether a hand pushes on the body in this call, …
-    knock: Annotated[np.ndarray, f8("knocks")]  # … and how strongly in each of its frames [N]
-    pull: Annotated[np.ndarray, f8("components, BLOCK")]  # of the lines apart, at the ends of the block's frames
-    kicks: Annotated[np.ndarray, f8("components, BLOCK")]
-    small: Annotated[np.ndarray, f8("6, components")]
-    jacobian: Annotated[np.ndarray, f8("components, components")]
-    newton: Annotated[np.ndarray, f8("components, components")]
-    free: Annotated[np.ndarray, f8("components, BLOCK")]  # where the body moves the bridge to without a force, …
-    goes: Annotated[np.ndarray, f8("components, BLOCK")]  # … and with those that have acted in the block
-    radiates: Annotated[np.ndarray, f8("channels, BLOCK")]  # change of the radiating speed over each frame
-    force: Annotated[np.ndarray, f8("components + 1, BLOCK")]  # on the bridge in each frame, and of the hand on the body
-    kept: Annotated[np.ndarray, f8("4, components")]
-    big: Annotated[np.ndarray, f8("rows*rows")]  # the problem of all contacts and fingers, where forces are held
-    big_compact: Annotated[np.ndarray, f8("rows*rows")]
-    big_factor: Annotated[np.ndarray, f8("rows*rows")]
-    big_rows: Annotated[np.ndarray, f8("3, rows")]
-    big_index: Annotated[np.ndarray, i8("3, rows")]
-    big_marks: Annotated[np.ndarray, u1("2, rows")]
+    load: BridgeLoad
+    block: BridgeBlock
+    problem: HeldProblem
 
 
 #: places in Coupling.counts: frames gone through; of these, those in which something touched or was held, iterations of
@@ -273,7 +279,7 @@ coupling_at, end_at = opener(Coupling), opener(End)
 @njit(inline="always")
 def steps_of(c, e, line: int) -> int:
     """Steps that a line of Coupling c, whose End is e, now takes in a frame."""
-    return 1 if e.counts[BY_FRAMES] else c.steps[line]
+    return 1 if e.counts[BY_FRAMES] else c.lines.steps[line]
 
 
 @njit(inline="always")
@@ -287,7 +293,7 @@ def along(c, line: int, of_bridge) -> float:
     """What a motion of the bridge (D,) is at a line's end: B·β, of Coupling c."""
     total = 0.0
     for i in range(COMPONENTS):
-        total += c.direction[line, i] * of_bridge[i]
+        total += c.lines.direction[line, i] * of_bridge[i]
     return total
 
 
@@ -320,48 +326,48 @@ def invert(a, out) -> None:
 
 @njit(cache=True, nogil=True, fastmath=FAST)
 def gather_responses(coupling: int) -> None:
-    """Coupling.own, share and rest_mass, and what follows from them, as the lines are looked at or not."""
+    """Coupling.load.own, share and rest_mass, and what follows from them, as the lines are looked at or not."""
     c = coupling_at(coupling)
     d, frame = COMPONENTS, c.frame
-    c.own[:] = 0.0
-    c.share[:] = 0.0
-    c.rest_mass[:] = 0.0
-    for line in range(c.line_end.size):
-        e, direction, mu = end_at(c.line_end[line]), c.direction[line], string_model(c.line_model[line]).mu
+    c.load.own[:] = 0.0
+    c.load.share[:] = 0.0
+    c.load.rest_mass[:] = 0.0
+    for line in range(c.lines.end.size):
+        e, direction, mu = end_at(c.lines.end[line]), c.lines.direction[line], string_model(c.lines.model[line]).mu
         kind = LOOKED_AT if e.counts[ENGAGED] else APART
         of_line, moving = e.responses.own[kind], mu * e.responses.share[kind]
         left_out = mu * max(0.0, e.numbers[LENGTH] / 3.0 - e.responses.share[kind])
         for i in range(d):
             for k in range(i + 1):
-                both, own = direction[i] * direction[k], c.own[kind, i, k]
-                c.share[i, k] += both * moving
-                c.rest_mass[i, k] += both * left_out
+                both, own = direction[i] * direction[k], c.load.own[kind, i, k]
+                c.load.share[i, k] += both * moving
+                c.load.rest_mass[i, k] += both * left_out
                 for t in range(BLOCK, 2 * BLOCK):
                     own[t] += both * of_line[t]
     for i in range(d):
         for k in range(i):
-            c.share[k, i], c.rest_mass[k, i] = c.share[i, k], c.rest_mass[i, k]
+            c.load.share[k, i], c.load.rest_mass[k, i] = c.load.share[i, k], c.load.rest_mass[i, k]
             for kind in range(2):
                 for t in range(BLOCK, 2 * BLOCK):
-                    c.own[kind, k, i, t] = c.own[kind, i, k, t]
+                    c.load.own[kind, k, i, t] = c.load.own[kind, i, k, t]
     for i in range(d):
         for k in range(d):
-            c.moving[i, k] = c.own[0, i, k, BLOCK] + c.own[1, i, k, BLOCK]
-            moving = c.moving[i, k] + c.share[i, k]
-            moving += (1.0 + KEPT_BY_THE_REST) * c.rest_mass[i, k]
-            c.drag[i, k] = moving / frame + 0.5 * frame * c.tension[i, k]
+            c.load.moving[i, k] = c.load.own[0, i, k, BLOCK] + c.load.own[1, i, k, BLOCK]
+            moving = c.load.moving[i, k] + c.load.share[i, k]
+            moving += (1.0 + KEPT_BY_THE_REST) * c.load.rest_mass[i, k]
+            c.load.drag[i, k] = moving / frame + 0.5 * frame * c.load.tension[i, k]
     for i in range(d):
         for k in range(d):
             total = 1.0 if i == k else 0.0
             for r in range(d):
-                total += c.gamma[i, r] * c.drag[r, k] / frame
-            c.jacobian[i, k] = total
-    invert(c.jacobian, c.inverse)
+                total += c.body.gamma[i, r] * c.load.drag[r, k] / frame
+            c.block.jacobian[i, k] = total
+    invert(c.block.jacobian, c.load.inverse)
     for i in range(d):
         for k in range(d):
-            c.answer[i, k] = 0.0
+            c.load.answer[i, k] = 0.0
             for r in range(d):
-                c.answer[i, k] += c.inverse[i, r] * c.gamma[r, k]
+                c.load.answer[i, k] += c.load.inverse[i, r] * c.body.gamma[r, k]
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
@@ -369,22 +375,22 @@ def gather_lines(coupling: int) -> None:
     """What the bridge sees of its lines, after any of them, its end, or whether it is looked at, has become another."""
     c = coupling_at(coupling)
     d = COMPONENTS
-    c.momentum[:] = 0.0
-    c.tension[:] = 0.0
-    for line in range(c.line_end.size):
-        e, s = end_at(c.line_end[line]), string_state(c.line_state[line])
-        direction = c.direction[line]
+    c.bridge.momentum[:] = 0.0
+    c.load.tension[:] = 0.0
+    for line in range(c.lines.end.size):
+        e, s = end_at(c.lines.end[line]), string_state(c.lines.state[line])
+        direction = c.lines.direction[line]
         moving = s.counts[MOVING]
         momentum = dot(e.pull[:moving], s.v[:moving])
         for i in range(d):
-            c.momentum[i] += direction[i] * momentum
+            c.bridge.momentum[i] += direction[i] * momentum
             for k in range(d):
                 both = direction[i] * direction[k]
-                c.tension[i, k] += both * e.numbers[TENSION]
+                c.load.tension[i, k] += both * e.numbers[TENSION]
     gather_responses(coupling)
     for i in range(d):
         for k in range(d):
-            c.momentum[i] += c.share[i, k] * c.speed[k]
+            c.bridge.momentum[i] += c.load.share[i, k] * c.bridge.speed[k]
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
@@ -393,9 +399,9 @@ def energy_of(coupling: int) -> float:
     c = coupling_at(coupling)
     d = COMPONENTS
     total = 0.0
-    for line in range(c.line_end.size):
-        e, s, m = end_at(c.line_end[line]), string_state(c.line_state[line]), string_model(c.line_model[line])
-        speed, b = along(c, line, c.speed), along(c, line, c.beta)
+    for line in range(c.lines.end.size):
+        e, s, m = end_at(c.lines.end[line]), string_state(c.lines.state[line]), string_model(c.lines.model[line])
+        speed, b = along(c, line, c.bridge.speed), along(c, line, c.bridge.beta)
         for j in range(m.modes if e.counts[ENGAGED] else e.counts[APART_MODES]):
             y = s.v[j] - e.kick[j] * speed
             w = m.omega[j] * s.q[j]
@@ -411,12 +417,12 @@ def energy_of(coupling: int) -> float:
             sunk = min(m.layers[DEPTH, k], max(0.0, sunk))
             total += 0.5 * m.layers[STIFFNESS, k] * sunk * sunk
     for i in range(d):
-        total -= c.held[0, i] * c.beta[i]
+        total -= c.bridge.held[0, i] * c.bridge.beta[i]
         for k in range(d):
-            total += 0.5 * c.rest[i] * c.rest_mass[i, k] * c.rest[k]
-    for k in range(c.p.size):
-        w = c.body_omega[k] * c.p[k]
-        total += 0.5 * c.body_mass[k] * (c.p_speed[k] * c.p_speed[k] + w * w)
+            total += 0.5 * c.bridge.rest[i] * c.load.rest_mass[i, k] * c.bridge.rest[k]
+    for k in range(c.body.motion.p.size):
+        w = c.body.omega[k] * c.body.motion.p[k]
+        total += 0.5 * c.body.mass[k] * (c.body.motion.speed[k] * c.body.motion.speed[k] + w * w)
     return total
 
 
@@ -434,12 +440,6 @@ COUPLING_SIZES = {
     "FEW": FEW,
     "SETS": 1 << FEW,
 }
-
-
-def in_components(array: np.ndarray, axis: int) -> np.ndarray:
-    """An array whose axis has D ≤ COMPONENTS places with zeros for the others."""
-    widths = [(0, COMPONENTS - array.shape[axis] if k == axis else 0) for k in range(array.ndim)]
-    return np.ascontiguousarray(np.pad(array, widths))
 
 
 def most_of_contacts(

@@ -19,7 +19,7 @@ import numpy as np
 from numba import njit
 
 from synth.solver.block_rows import ADV11, ADV12, BLOCK
-from synth.solver.coupled_body import begin_body, drive_body, look_at_body, push_body
+from synth.solver.coupled_body import COMPONENTS, begin_body, drive_body, look_at_body, push_body
 from synth.solver.coupling import (
     AHEAD,
     APART,
@@ -27,7 +27,6 @@ from synth.solver.coupling import (
     BY_FRAMES,
     CERTIFIED,
     CLEAR,
-    COMPONENTS,
     CULLING,
     ENGAGED,
     FAR,
@@ -86,7 +85,7 @@ MOST_ITERATIONS = 24
 CLOSE = 4e-15
 #: how near the root of a linear equation is after one iteration: less near, it was not the same equation
 SAME = 1e-10
-#: rows of Coupling.small
+#: rows of Coupling.block.small
 FORCE, V, FROM_CONTACTS, MISSING, V_FREE, TURN = range(6)
 
 
@@ -96,8 +95,8 @@ def advance_frames(coupling: int, scratch: int, frames: int, stretch: int, out) 
 
     Lines whose End.counts say so are looked at, and others that have contacts as soon as their certificate is used up; a
     finger that is on goes along its End.path. What the bridge sees of its lines must be as they are (`gather_lines`).
-    stretch: frames, a multiple of BLOCK if fewer than all, for which a row of Coupling.held holds; a call for each stretch
-    does the same to the bit.
+    stretch: frames, a multiple of BLOCK if fewer than all, for which a row of Coupling.bridge.held holds; a call for each
+    stretch does the same to the bit.
     """
     status = int(np.int64(0))
     blocks = frames // BLOCK
@@ -127,10 +126,10 @@ def _begin_stretch(coupling: int, number: int) -> None:
     """Take over the force that holds the bridge in this stretch of a call; which contacts are out of reach is asked anew."""
     c = coupling_at(coupling)
     if number > 0:
-        put(c.held[0], c.held[number])
-    for line in range(c.line_end.size):
-        end_at(c.line_end[line]).block.known[LASTS] = 0
-        follow_none(c.line_end[line])
+        put(c.bridge.held[0], c.bridge.held[number])
+    for line in range(c.lines.end.size):
+        end_at(c.lines.end[line]).block.known[LASTS] = 0
+        follow_none(c.lines.end[line])
 
 
 @njit(**INNER)
@@ -138,22 +137,22 @@ def _certain_block(coupling: int, scratch: int, frames: int, at: int, until: int
     """`_block`, again where a line that was not looked at might have touched something; the call ends at frame `until`."""
     c = coupling_at(coupling)
     uncertain = False
-    for line in range(c.line_end.size):
-        e = end_at(c.line_end[line])
+    for line in range(c.lines.end.size):
+        e = end_at(c.lines.end[line])
         e.counts[KIND] = FAR
         if e.counts[ENGAGED]:
             if rubs(coupling, line):
-                clear = end_at(c.line_end[line - 1]).counts[KIND] < SINGLE
+                clear = end_at(c.lines.end[line - 1]).counts[KIND] < SINGLE
             else:
-                clear = string_state(c.line_state[line]).finger[0].on == 0 and is_clear(coupling, line, scratch)
+                clear = string_state(c.lines.state[line]).finger[0].on == 0 and is_clear(coupling, line, scratch)
             e.counts[KIND] = CLEAR if clear else SEVERAL
-            if string_model(c.line_model[line]).shapes.shape[0] >= c.culled_from and runs_out(coupling, line, frames):
-                look_everywhere(c.line_end[line])
+            if string_model(c.lines.model[line]).shapes.shape[0] >= c.culled_from and runs_out(coupling, line, frames):
+                look_everywhere(c.lines.end[line])
         e.block.known[CULLING] = LONG if e.counts[KIND] == SEVERAL and _may_pass_over(coupling, line) else NEVER
         uncertain = uncertain or e.counts[KIND] == CLEAR or e.counts[CERTIFIED] > 0 or e.block.known[CULLING] != NEVER
     if uncertain:
         _keep(coupling)
-    look_at_body(coupling)
+    look_at_body(c.body)
     status = int(np.int64(0))
     again = True
     while again:
@@ -161,33 +160,33 @@ def _certain_block(coupling: int, scratch: int, frames: int, at: int, until: int
             _gather_again(coupling, frames)
         status = _block(coupling, scratch, frames, at)
         again = False
-        for line in range(c.line_end.size):
-            e = end_at(c.line_end[line])
+        for line in range(c.lines.end.size):
+            e = end_at(c.lines.end[line])
             _kicks_of(c, line, e.block.kicks)
             if _is_used_up(e):
                 known = e.block.known
                 known[CULLING] = NEVER if e.counts[BY_FRAMES] and known[CULLING] < LONG else known[CULLING] - 1
                 again = True
-        for line in range(c.line_end.size if not again else 0):  # else the block was left off
-            if c.friction[line] > 0.0:
-                if rubs(coupling, line) and end_at(c.line_end[line - 1]).counts[KIND] >= SINGLE:
+        for line in range(c.lines.end.size if not again else 0):  # else the block was left off
+            if c.lines.friction[line] > 0.0:
+                if rubs(coupling, line) and end_at(c.lines.end[line - 1]).counts[KIND] >= SINGLE:
                     _begin_to_look(coupling, line, scratch, frames)
-                    end_at(c.line_end[line]).counts[KIND] = SEVERAL
-            elif string_model(c.line_model[line]).shapes.shape[0] > 0 and not lasts(coupling, line, frames):
+                    end_at(c.lines.end[line]).counts[KIND] = SEVERAL
+            elif string_model(c.lines.model[line]).shapes.shape[0] > 0 and not lasts(coupling, line, frames):
                 _begin_to_look(coupling, line, scratch, frames)
-                look_everywhere(c.line_end[line])
+                look_everywhere(c.lines.end[line])
                 again = True
         if again:
             _take_back(coupling)
-            for line in range(c.line_end.size):
-                e = end_at(c.line_end[line])
+            for line in range(c.lines.end.size):
+                e = end_at(c.lines.end[line])
                 if e.counts[BY_FRAMES]:
                     e.block.known[LASTS] = 0
             _gather_again(coupling, frames)
-    for line in range(c.line_end.size):
-        if c.friction[line] == 0.0 and string_model(c.line_model[line]).shapes.shape[0] > 0:
+    for line in range(c.lines.end.size):
+        if c.lines.friction[line] == 0.0 and string_model(c.lines.model[line]).shapes.shape[0] > 0:
             spend(coupling, line)
-    drive_body(coupling, frames, at, out)
+    drive_body(c.body, c.frame, frames, at, out)
     return status
 
 
@@ -195,8 +194,8 @@ def _certain_block(coupling: int, scratch: int, frames: int, at: int, until: int
 def _gather_again(coupling: int, frames: int) -> None:
     """`gather_lines` as a block of frames begins."""
     c = coupling_at(coupling)
-    for line in range(c.line_end.size):
-        if frames == BLOCK and end_at(c.line_end[line]).counts[ENGAGED] == 0:
+    for line in range(c.lines.end.size):
+        if frames == BLOCK and end_at(c.lines.end[line]).counts[ENGAGED] == 0:
             _give_back(coupling, line)
     gather_lines(coupling)
     _sum_apart(coupling)
@@ -206,8 +205,8 @@ def _gather_again(coupling: int, frames: int) -> None:
 def _may_pass_over(coupling: int, line: int) -> bool:
     """Whether contacts of a line that is looked at may be passed over: where that pays, and all where it goes by frames."""
     c = coupling_at(coupling)
-    if end_at(c.line_end[line]).counts[BY_FRAMES]:
-        return string_model(c.line_model[line]).shapes.shape[0] > 0
+    if end_at(c.lines.end[line]).counts[BY_FRAMES]:
+        return string_model(c.lines.model[line]).shapes.shape[0] > 0
     return may_cull(coupling, line)
 
 
@@ -217,9 +216,9 @@ def _look_closer(coupling: int, scratch: int, frames: int) -> bool:
     are any. What is certain for so many frames on is not asked again in this call."""
     c = coupling_at(coupling)
     closer = False
-    for line in range(c.line_end.size):
-        e = end_at(c.line_end[line])
-        if e.counts[BY_FRAMES] == 0 or string_model(c.line_model[line]).shapes.shape[0] == 0:
+    for line in range(c.lines.end.size):
+        e = end_at(c.lines.end[line])
+        if e.counts[BY_FRAMES] == 0 or string_model(c.lines.model[line]).shapes.shape[0] == 0:
             continue
         may_touch = e.block.known[CULLING] == NEVER
         if not may_touch and e.block.known[LASTS] <= 0:
@@ -238,11 +237,11 @@ def _look_closer(coupling: int, scratch: int, frames: int) -> bool:
 def _begin_to_look(coupling: int, line: int, scratch: int, frames: int) -> None:
     """A line that was apart in this block of frames is looked at in it."""
     c = coupling_at(coupling)
-    if end_at(c.line_end[line]).counts[ENGAGED] == 0:
+    if end_at(c.lines.end[line]).counts[ENGAGED] == 0:
         if frames == BLOCK:
             _give_back(coupling, line)
         look_at(coupling, line, int(np.int64(1)), scratch)
-        end_at(c.line_end[line]).counts[KEPT] = 1  # it still is as the block began
+        end_at(c.lines.end[line]).counts[KEPT] = 1  # it still is as the block began
         _keep_line(c, line)
 
 
@@ -250,12 +249,12 @@ def _begin_to_look(coupling: int, line: int, scratch: int, frames: int) -> None:
 def _keep(coupling: int) -> None:
     """What a block changes, as it begins."""
     c = coupling_at(coupling)
-    put(c.kept[0], c.speed)
-    put(c.kept[1], c.beta)
-    put(c.kept[2], c.rest)
-    put(c.kept[3], c.momentum)
-    for line in range(c.line_end.size):
-        counts = end_at(c.line_end[line]).counts
+    put(c.block.kept[0], c.bridge.speed)
+    put(c.block.kept[1], c.bridge.beta)
+    put(c.block.kept[2], c.bridge.rest)
+    put(c.block.kept[3], c.bridge.momentum)
+    for line in range(c.lines.end.size):
+        counts = end_at(c.lines.end[line]).counts
         counts[KEPT] = counts[ENGAGED]
         if counts[KEPT]:
             _keep_line(c, line)
@@ -264,8 +263,8 @@ def _keep(coupling: int) -> None:
 @njit(**INNER)
 def _keep_line(c, line: int) -> None:
     """What a block changes of a line that is looked at, as it begins."""
-    e, s = end_at(c.line_end[line]), string_state(c.line_state[line])
-    n, contacts = string_model(c.line_model[line]).modes, e.leverage.size
+    e, s = end_at(c.lines.end[line]), string_state(c.lines.state[line])
+    n, contacts = string_model(c.lines.model[line]).modes, e.leverage.size
     put(e.kept.modes[0], s.q[:n])
     put(e.kept.modes[1], s.v[:n])
     put(e.kept.contacts, s.force[:contacts])
@@ -277,14 +276,14 @@ def _keep_line(c, line: int) -> None:
 def _take_back(coupling: int) -> None:
     """All as the block began; of the body nothing has changed (`coupled_body`)."""
     c = coupling_at(coupling)
-    put(c.speed, c.kept[0])
-    put(c.beta, c.kept[1])
-    put(c.rest, c.kept[2])
-    put(c.momentum, c.kept[3])
-    for line in range(c.line_end.size):
-        e, s = end_at(c.line_end[line]), string_state(c.line_state[line])
+    put(c.bridge.speed, c.block.kept[0])
+    put(c.bridge.beta, c.block.kept[1])
+    put(c.bridge.rest, c.block.kept[2])
+    put(c.bridge.momentum, c.block.kept[3])
+    for line in range(c.lines.end.size):
+        e, s = end_at(c.lines.end[line]), string_state(c.lines.state[line])
         if e.counts[KEPT]:
-            n = string_model(c.line_model[line]).modes
+            n = string_model(c.lines.model[line]).modes
             put(s.q, e.kept.modes[0, :n])
             put(s.v, e.kept.modes[1, :n])
             contacts = e.leverage.size
@@ -296,7 +295,7 @@ def _take_back(coupling: int) -> None:
 @njit(**INNER)
 def _kicks_of(c, line: int, kicks) -> None:
     """kicks (K,) of a line's end from those of the bridge."""
-    direction, of_bridge = c.direction[line], c.kicks
+    direction, of_bridge = c.lines.direction[line], c.block.kicks
     for k in range(BLOCK):
         total = 0.0
         for i in range(COMPONENTS):
@@ -310,8 +309,8 @@ def _take_apart(coupling: int) -> None:
     c = coupling_at(coupling)
     if not c.single:
         return
-    for line in range(c.line_end.size):
-        e, s = end_at(c.line_end[line]), string_state(c.line_state[line])
+    for line in range(c.lines.end.size):
+        e, s = end_at(c.lines.end[line]), string_state(c.lines.state[line])
         if not e.counts[ENGAGED]:
             n = e.counts[APART_MODES]
             _ensure_singles(e, n)
@@ -340,7 +339,7 @@ def _give_back(coupling: int, line: int) -> None:
     """The modes of a line that is not looked at are float64 again."""
     c = coupling_at(coupling)
     if c.single:
-        e, s = end_at(c.line_end[line]), string_state(c.line_state[line])
+        e, s = end_at(c.lines.end[line]), string_state(c.lines.state[line])
         give_back(e.single.q, e.single.v, e.counts[APART_MODES], s.q, s.v)
 
 
@@ -351,8 +350,8 @@ def _look_apart(coupling: int, kicked: bool, single: bool) -> None:
     single: whether their modes are float32 now (`_take_apart`).
     """
     c = coupling_at(coupling)
-    for line in range(c.line_end.size):
-        e, s = end_at(c.line_end[line]), string_state(c.line_state[line])
+    for line in range(c.lines.end.size):
+        e, s = end_at(c.lines.end[line]), string_state(c.lines.state[line])
         if e.counts[ENGAGED]:
             continue
         n = e.counts[APART_MODES]
@@ -379,16 +378,16 @@ def _look_apart(coupling: int, kicked: bool, single: bool) -> None:
 
 @njit(**INNER)
 def _sum_apart(coupling: int) -> None:
-    """Coupling.pull of the lines that are not looked at, from the rows of each."""
+    """Coupling.block.pull of the lines that are not looked at, from the rows of each."""
     c = coupling_at(coupling)
-    pull = c.pull
+    pull = c.block.pull
     for i in range(COMPONENTS):
         for k in range(BLOCK):
             pull[i, k] = 0.0
-    for line in range(c.line_end.size):
-        e = end_at(c.line_end[line])
+    for line in range(c.lines.end.size):
+        e = end_at(c.lines.end[line])
         if not e.counts[ENGAGED]:
-            row, direction = e.block.row, c.direction[line]
+            row, direction = e.block.row, c.lines.direction[line]
             for i in range(COMPONENTS):
                 share = direction[i]
                 if share != 0.0:
@@ -400,8 +399,8 @@ def _sum_apart(coupling: int) -> None:
 def _leave_apart(coupling: int) -> None:
     """The lines that are not looked at go through the K frames of the last block."""
     c = coupling_at(coupling)
-    for line in range(c.line_end.size):
-        e, s = end_at(c.line_end[line]), string_state(c.line_state[line])
+    for line in range(c.lines.end.size):
+        e, s = end_at(c.lines.end[line]), string_state(c.lines.state[line])
         if not e.counts[ENGAGED]:
             n = e.counts[APART_MODES]
             if c.single:
@@ -415,13 +414,13 @@ def _leave_apart(coupling: int) -> None:
 def _step_apart(coupling: int) -> None:
     """Advance the lines that are not looked at by one frame."""
     c = coupling_at(coupling)
-    for line in range(c.line_end.size):
-        e, s = end_at(c.line_end[line]), string_state(c.line_state[line])
+    for line in range(c.lines.end.size):
+        e, s = end_at(c.lines.end[line]), string_state(c.lines.state[line])
         if not e.counts[ENGAGED]:
             n = e.counts[APART_MODES]
             q, v = s.q[:n], s.v[:n]
             for i in range(COMPONENTS):
-                add(c.direction[line, i] * c.kicks[i, 0], e.kick[:n], v)
+                add(c.lines.direction[line, i] * c.block.kicks[i, 0], e.kick[:n], v)
             fly(e.flight, q, v)
 
 
@@ -439,49 +438,49 @@ def _block(coupling: int, scratch: int, frames: int, at: int) -> int:
     c = coupling_at(coupling)
     status = int(np.int64(0))
     touching = int(np.int64(0))
-    for line in range(c.line_end.size):
-        e = end_at(c.line_end[line])
+    for line in range(c.lines.end.size):
+        e = end_at(c.lines.end[line])
         e.certificate.pushed[0] = e.certificate.pushed[1] = 0.0
         e.block.known[AHEAD] = 0
         if e.counts[KIND] != FAR:
             touching += 1
-            c.touching[touching] = line
-    c.touching[0] = touching
-    begin_body(coupling, frames, at)
+            c.block.touching[touching] = line
+    c.block.touching[0] = touching
+    begin_body(c.body, frames, at)
     for number in range(frames):
         for place in range(1, touching + 1):
-            line = c.touching[place]
-            end = c.line_end[line]
+            line = c.block.touching[place]
+            end = c.lines.end[line]
             e = end_at(end)
             if _within(c, e, line, number)[1] == 0:
                 if e.counts[KIND] == CLEAR:
-                    coast_line(c.line_model[line], c.line_state[line], end)
+                    coast_line(c.lines.model[line], c.lines.state[line], end)
                 else:
-                    if c.friction[line] > 0.0:
-                        rub_where_pressed(coupling, line, end_at(c.line_end[line - 1]).counts[KIND] >= SINGLE)
+                    if c.lines.friction[line] > 0.0:
+                        rub_where_pressed(coupling, line, end_at(c.lines.end[line - 1]).counts[KIND] >= SINGLE)
                     if _looks_back(c, line):
                         note_gaps(coupling, line)
                     by_frames = e.counts[BY_FRAMES] != 0  # `_look_closer` has asked
                     if e.block.known[CULLING] != NEVER and not by_frames and (number == 0 or e.block.known[LASTS] == 0):
-                        cull(coupling, line, scratch, (frames - number) * c.steps[line])
+                        cull(coupling, line, scratch, (frames - number) * c.lines.steps[line])
                     if e.block.known[LASTS] > 0:
                         e.block.known[LASTS] -= BLOCK if frames > 1 else e.block.known[LASTS]
-                    speed, height = along(c, line, c.speed), along(c, line, c.beta)
-                    dt = c.frame if by_frames else string_model(c.line_model[line]).dt
-                    look_at_line(c.line_model[line], c.line_state[line], end, steps_of(c, e, line), dt, speed, height)
+                    speed, height = along(c, line, c.bridge.speed), along(c, line, c.bridge.beta)
+                    dt = c.frame if by_frames else string_model(c.lines.model[line]).dt
+                    look_at_line(c.lines.model[line], c.lines.state[line], end, steps_of(c, e, line), dt, speed, height)
         status = max(status, _frame(coupling, scratch, number, at))
         for place in range(1, touching + 1):
-            if _is_used_up(end_at(c.line_end[c.touching[place]])):
+            if _is_used_up(end_at(c.lines.end[c.block.touching[place]])):
                 return status
         for place in range(1, touching + 1):
-            line = c.touching[place]
-            end = c.line_end[line]
+            line = c.block.touching[place]
+            end = c.lines.end[line]
             e = end_at(end)
             every, within = _within(c, e, line, number)
             if within == every - 1:
-                drive_line(c.line_model[line], c.line_state[line], end, steps_of(c, e, line), number + 1 < frames)
+                drive_line(c.lines.model[line], c.lines.state[line], end, steps_of(c, e, line), number + 1 < frames)
             elif frames == 1:
-                step_line(c.line_model[line], c.line_state[line], end, steps_of(c, e, line))
+                step_line(c.lines.model[line], c.lines.state[line], end, steps_of(c, e, line))
     return status
 
 
@@ -494,7 +493,7 @@ def _is_used_up(e) -> bool:
 @njit(inline="always")
 def _looks_back(c, line: int) -> bool:
     """Whether what contacts do in a step hangs on where they were before: those that rub, and soft ones."""
-    return c.friction[line] > 0.0 or string_model(c.line_model[line]).layers.shape[1] > 0
+    return c.lines.friction[line] > 0.0 or string_model(c.lines.model[line]).layers.shape[1] > 0
 
 
 @njit(inline="always")
@@ -522,11 +521,11 @@ def _put(into, x) -> None:
 @njit(inline="always")
 def _pulls(c, number: int) -> tuple[float, float, float]:
     """Pull of all lines at the end of a frame (D,), as far as its kicks and forces are known."""
-    pull, direction = c.pull, c.direction
+    pull, direction = c.block.pull, c.lines.direction
     x, y, z = pull[0, number], pull[1, number], pull[2, number]
-    for place in range(1, c.touching[0] + 1):
-        line = c.touching[place]
-        e = end_at(c.line_end[line])
+    for place in range(1, c.block.touching[0] + 1):
+        line = c.block.touching[place]
+        e = end_at(c.lines.end[line])
         more = e.block.row[_within(c, e, line, number)[1]]
         x += direction[line, 0] * more
         y += direction[line, 1] * more
@@ -538,18 +537,19 @@ def _pulls(c, number: int) -> tuple[float, float, float]:
 def _frame(coupling: int, scratch: int, number: int, begin: int) -> int:
     """Frame `number` of the block, which begins with frame `begin` of the call."""
     c = coupling_at(coupling)
-    small, per_frame = c.small, 1.0 / c.frame
-    beta, speed, rest, momentum, held = _triple(c.beta), _triple(c.speed), _triple(c.rest), _triple(c.momentum), c.held[0]
-    gone = (c.goes[0, number], c.goes[1, number], c.goes[2, number])
+    small, per_frame = c.block.small, 1.0 / c.frame
+    bridge, goes = c.bridge, c.body.ahead.goes
+    beta, speed, rest, momentum = _triple(bridge.beta), _triple(bridge.speed), _triple(bridge.rest), _triple(bridge.momentum)
+    gone, held = (goes[0, number], goes[1, number], goes[2, number]), bridge.held[0]
     there = (gone[0] - beta[0], gone[1] - beta[1], gone[2] - beta[2])
-    pull, stays, left = _pulls(c, number), _times(c.moving, speed), _times(c.rest_mass, rest)
-    stiff, twice = _times(c.tension, beta), 1.0 + KEPT_BY_THE_REST
+    pull, stays, left = _pulls(c, number), _times(c.load.moving, speed), _times(c.load.rest_mass, rest)
+    stiff, twice = _times(c.load.tension, beta), 1.0 + KEPT_BY_THE_REST
     force = (
         (momentum[0] - pull[0] + stays[0] + twice * left[0]) * per_frame - stiff[0] - held[0],
         (momentum[1] - pull[1] + stays[1] + twice * left[1]) * per_frame - stiff[1] - held[1],
         (momentum[2] - pull[2] + stays[2] + twice * left[2]) * per_frame - stiff[2] - held[2],
     )
-    moved, pushed = _times(c.inverse, there), _times(c.answer, force)
+    moved, pushed = _times(c.load.inverse, there), _times(c.load.answer, force)
     v = (
         (moved[0] + pushed[0]) * per_frame,
         (moved[1] + pushed[1]) * per_frame,
@@ -558,66 +558,66 @@ def _frame(coupling: int, scratch: int, number: int, begin: int) -> int:
     contact = (0.0, 0.0, 0.0)
     status = int(np.int64(0))
     _put(small[FORCE], force)
-    if c.touching[0] > 0:
+    if c.block.touching[0] > 0:
         _put(small[V_FREE], v)
         status = _bridge_speed(coupling, scratch, number, begin)
         v, contact = _triple(small[V]), _triple(small[FROM_CONTACTS])
     else:
         _put(small[V], v)
         _put(small[FROM_CONTACTS], contact)
-    against = _times(c.drag, v)
+    against = _times(c.load.drag, v)
     total = (
         force[0] + contact[0] - against[0],
         force[1] + contact[1] - against[1],
         force[2] + contact[2] - against[2],
     )
-    push_body(c, number, total)
+    push_body(c.body, number, total)
     _settle(coupling, c, number, v, speed, rest)
-    given = _times(c.gamma, total)
-    _put(c.beta, (gone[0] + given[0], gone[1] + given[1], gone[2] + given[2]))
+    given = _times(c.body.gamma, total)
+    _put(c.bridge.beta, (gone[0] + given[0], gone[1] + given[1], gone[2] + given[2]))
     return status
 
 
 @njit(inline="always")
 def _settle(coupling: int, c, number: int, v, before, rest) -> None:
     """The bridge's speed v of this frame, `before` in the one before, acts on lines, pulls and modes left out, `rest`."""
-    small, kicks = c.small, c.kicks
+    small, kicks = c.block.small, c.block.kicks
     turn = (v[0] - before[0], v[1] - before[1], v[2] - before[2])
     kicks[0, number], kicks[1, number], kicks[2, number] = turn
     _put(small[TURN], turn)
     keeps, twice = KEPT_BY_THE_REST, 1.0 + KEPT_BY_THE_REST
-    _put(c.rest, (twice * v[0] - keeps * rest[0], twice * v[1] - keeps * rest[1], twice * v[2] - keeps * rest[2]))
+    _put(c.bridge.rest, (twice * v[0] - keeps * rest[0], twice * v[1] - keeps * rest[1], twice * v[2] - keeps * rest[2]))
     for i in range(COMPONENTS):
-        own = c.own[APART, i]
-        add_late_of_three(c.pull[i], own[0], own[1], own[2], number, turn)
-    for place in range(1, c.touching[0] + 1):
-        line = c.touching[place]
-        end = c.line_end[line]
+        own = c.load.own[APART, i]
+        add_late_of_three(c.block.pull[i], own[0], own[1], own[2], number, turn)
+    for place in range(1, c.block.touching[0] + 1):
+        line = c.block.touching[place]
+        end = c.lines.end[line]
         e = end_at(end)
         within = _within(c, e, line, number)[1]
         of_line = along(c, line, small[TURN])
         back = _looks_back(c, line)
         steps = steps_of(c, e, line)
-        settle_line(c.line_model[line], c.line_state[line], end, within, steps, of_line, back)
+        settle_line(c.lines.model[line], c.lines.state[line], end, within, steps, of_line, back)
         if e.block.known[CULLING] != NEVER:
             spend_left(coupling, line, within * steps, of_line, along(c, line, small[V]))
         if e.counts[KIND] >= SINGLE and back:
-            keep_gaps(c.line_state[line], end, (within + 1) * steps - 1)
-    pull, share = _pulls(c, number), _times(c.share, v)
-    _put(c.momentum, (pull[0] + share[0], pull[1] + share[1], pull[2] + share[2]))
-    _put(c.speed, v)
+            keep_gaps(c.lines.state[line], end, (within + 1) * steps - 1)
+    pull, share = _pulls(c, number), _times(c.load.share, v)
+    _put(c.bridge.momentum, (pull[0] + share[0], pull[1] + share[1], pull[2] + share[2]))
+    _put(c.bridge.speed, v)
     c.counts[FRAMES] += 1
 
 
 @njit(**INNER)
 def _bridge_speed(coupling: int, scratch: int, number: int, begin: int) -> int:
-    """The frame's V and the contacts' force on the bridge into Coupling.small, all lines' forces with it; status of `lcp`.
+    """The frame's V and the contacts' force on the bridge into Coupling.block.small, all lines' forces too: status of `lcp`.
 
     Newton's method from V without contacts on V − V_free − W J(V)/H = 0. While the same contacts press in the same steps the
     equation is linear, and lines are not solved again (`follow_line`): where they do so twice in a row, V is its root.
     """
     c = coupling_at(coupling)
-    d, small = COMPONENTS, c.small
+    d, small = COMPONENTS, c.block.small
     v, contact, missing, turns = small[V], small[FROM_CONTACTS], small[MISSING], small[TURN]
     for i in range(d):
         v[i] = small[V_FREE, i]
@@ -625,38 +625,38 @@ def _bridge_speed(coupling: int, scratch: int, number: int, begin: int) -> int:
         status = int(np.int64(0))
         acts, same = False, iteration > 0
         for i in range(d):
-            turns[i] = v[i] - c.speed[i]
+            turns[i] = v[i] - c.bridge.speed[i]
             contact[i] = 0.0
             for k in range(d):
-                c.jacobian[i, k] = 0.0
-        for place in range(1, c.touching[0] + 1):
-            line = c.touching[place]
-            end = c.line_end[line]
+                c.block.jacobian[i, k] = 0.0
+        for place in range(1, c.block.touching[0] + 1):
+            line = c.block.touching[place]
+            end = c.lines.end[line]
             e = end_at(end)
             if e.counts[KIND] >= SINGLE:
-                turn, steps, taken = along(c, line, turns), c.steps[line], steps_of(c, e, line)
+                turn, steps, taken = along(c, line, turns), c.lines.steps[line], steps_of(c, e, line)
                 first, at = _within(c, e, line, number)[1] * taken, (begin + number) * steps
                 if rubs(coupling, line):
                     e.block.known[LINEAR] = 0
                     force, slope, cross, mine, bad = answer_of_rubbed(
-                        c.line_model[line], c.line_state[line], end, c.line_end[line - 1], c.friction[line], scratch, first,
-                        steps, turn,
+                        c.lines.model[line], c.lines.state[line], end, c.lines.end[line - 1], c.lines.friction[line],
+                        scratch, first, steps, turn,
                     )  # fmt: skip
                     for i in range(d):
                         for k in range(d):
-                            c.jacobian[i, k] += c.direction[line, i] * c.direction[line - 1, k] * cross
-                elif iteration > 0 and follow_line(c.line_model[line], c.line_state[line], end, first, taken, turn):
+                            c.block.jacobian[i, k] += c.lines.direction[line, i] * c.lines.direction[line - 1, k] * cross
+                elif iteration > 0 and follow_line(c.lines.model[line], c.lines.state[line], end, first, taken, turn):
                     force, slope = e.block.answer[PUSHED], e.block.answer[STEEPNESS]
                     mine, bad = e.block.known[PATTERN], SOLVED
                 else:
                     if e.counts[BY_FRAMES]:
                         force, slope = answer_by_frames(
-                            c.line_model[line], c.line_state[line], end, first, at, steps, c.frame, turn
+                            c.lines.model[line], c.lines.state[line], end, first, at, steps, c.frame, turn
                         )
                         mine, bad = 0, SOLVED
                     else:
                         force, slope, mine, bad = answer_of_line(
-                            c.line_model[line], c.line_state[line], end, scratch, first, at, steps, turn
+                            c.lines.model[line], c.lines.state[line], end, scratch, first, at, steps, turn
                         )
                     e.block.answer[TURNED], e.block.answer[PUSHED], e.block.answer[STEEPNESS] = turn, force, slope
                 status = max(status, bad)
@@ -665,9 +665,9 @@ def _bridge_speed(coupling: int, scratch: int, number: int, begin: int) -> int:
                 if force != 0.0 or slope != 0.0:
                     acts = True
                     for i in range(d):
-                        contact[i] += c.direction[line, i] * force
+                        contact[i] += c.lines.direction[line, i] * force
                         for k in range(d):
-                            c.jacobian[i, k] += c.direction[line, i] * c.direction[line, k] * slope
+                            c.block.jacobian[i, k] += c.lines.direction[line, i] * c.lines.direction[line, k] * slope
         if not acts and iteration == 0:
             return status
         c.counts[ITERATIONS] += 1
@@ -675,7 +675,7 @@ def _bridge_speed(coupling: int, scratch: int, number: int, begin: int) -> int:
         for i in range(d):
             pushed = 0.0
             for k in range(d):
-                pushed += c.answer[i, k] * contact[k] / c.frame
+                pushed += c.load.answer[i, k] * contact[k] / c.frame
             missing[i] = v[i] - small[V_FREE, i] - pushed
             far = max(far, abs(missing[i]))
             size = max(size, abs(v[i]), abs(small[V_FREE, i]), abs(pushed))
@@ -687,16 +687,16 @@ def _bridge_speed(coupling: int, scratch: int, number: int, begin: int) -> int:
             for k in range(d):
                 total = 1.0 if i == k else 0.0
                 for r in range(d):
-                    total -= c.answer[i, r] * c.jacobian[r, k] / c.frame
-                c.newton[i, k] = total
-        invert(c.newton, c.jacobian)
+                    total -= c.load.answer[i, r] * c.block.jacobian[r, k] / c.frame
+                c.block.newton[i, k] = total
+        invert(c.block.newton, c.block.jacobian)
         for i in range(d):
             for k in range(d):
-                v[i] -= c.jacobian[i, k] * missing[k]
+                v[i] -= c.block.jacobian[i, k] * missing[k]
     c.counts[TOUCHED] += 1
     c.counts[HELD_FRAMES] += 1
-    for line in range(c.line_end.size):
-        e = end_at(c.line_end[line])
+    for line in range(c.lines.end.size):
+        e = end_at(c.lines.end[line])
         if e.counts[KIND] >= SINGLE:
-            fill_those(c.line_model[line], c.line_state[line], scratch, e.block.near, e.counts[NEAR])
+            fill_those(c.lines.model[line], c.lines.state[line], scratch, e.block.near, e.counts[NEAR])
     return hold_forces(coupling, number, begin, small[V_FREE], v, contact)

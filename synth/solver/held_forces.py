@@ -16,7 +16,8 @@ import numpy as np
 from numba import njit
 
 from synth.solver.block_rows import BLOCK
-from synth.solver.coupling import COMPONENTS, KIND, NEAR, SINGLE, coupling_at, end_at, steps_of
+from synth.solver.coupled_body import COMPONENTS
+from synth.solver.coupling import KIND, NEAR, SINGLE, coupling_at, end_at, steps_of
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.layers import middle
 from synth.solver.lcp import pivot
@@ -38,19 +39,19 @@ def _lay_out(c, v0, number: int, begin: int, fingers: int, count: int) -> int:
     """Rows of all contacts (fingers = 0) or fingers (1) behind `count`: line and row, G and b; how many there are then."""
     frame = c.frame
     d = COMPONENTS
-    for line in range(c.line_end.size):
-        e, s, m = end_at(c.line_end[line]), string_state(c.line_state[line]), string_model(c.line_model[line])
+    for line in range(c.lines.end.size):
+        e, s, m = end_at(c.lines.end[line]), string_state(c.lines.state[line]), string_model(c.lines.model[line])
         if e.counts[KIND] < SINGLE:
             continue
-        steps, of_path = steps_of(c, e, line), c.steps[line]
+        steps, of_path = steps_of(c, e, line), c.lines.steps[line]
         first, at = number % (BLOCK // steps) * steps, (begin + number) * of_path
         if fingers and s.finger[0].on == 0:
             continue
         turn = 0.0
         for i in range(d):
-            turn += c.direction[line, i] * (v0[i] - c.speed[i])
+            turn += c.lines.direction[line, i] * (v0[i] - c.bridge.speed[i])
         contacts = m.shapes.shape[0]
-        if c.friction[line] > 0.0 and not fingers:  # none in such a frame
+        if c.lines.friction[line] > 0.0 and not fingers:  # none in such a frame
             for i in range(e.counts[NEAR]):
                 for t in range(steps):
                     e.block.forces[i, first + t] = 0.0
@@ -82,10 +83,10 @@ def _lay_out(c, v0, number: int, begin: int, fingers: int, count: int) -> int:
 
 @njit(inline="always")
 def _add_row(c, count: int, line: int, number: int, drawn: float, gap: float) -> int:
-    c.big_index[0, count] = line
-    c.big_index[1, count] = number
-    c.big_rows[0, count] = drawn
-    c.big_rows[1, count] = gap
+    c.problem.places[0, count] = line
+    c.problem.places[1, count] = number
+    c.problem.rows[0, count] = drawn
+    c.problem.rows[1, count] = gap
     return count + 1
 
 
@@ -112,17 +113,18 @@ def hold_forces(coupling: int, number: int, begin: int, v0, v, force) -> int:
     d = COMPONENTS
     contacts = _lay_out(c, v0, number, begin, int(np.int64(0)), int(np.int64(0)))
     rows = _lay_out(c, v0, number, begin, int(np.int64(1)), contacts)
-    lines, numbers, g, b, z = c.big_index[0], c.big_index[1], c.big_rows[0], c.big_rows[1], c.big_rows[2]
-    a = c.big[: rows * rows].reshape(rows, rows)
+    problem = c.problem
+    lines, numbers, g, b, z = problem.places[0], problem.places[1], problem.rows[0], problem.rows[1], problem.rows[2]
+    a = problem.matrix[: rows * rows].reshape(rows, rows)
     for i in range(rows):
         line = lines[i]
-        e, s, m = end_at(c.line_end[line]), string_state(c.line_state[line]), string_model(c.line_model[line])
+        e, s, m = end_at(c.lines.end[line]), string_state(c.lines.state[line]), string_model(c.lines.model[line])
         steps = steps_of(c, e, line)
         for k in range(i + 1):
             total = 0.0
             for p in range(d):
                 for q in range(d):
-                    total += c.direction[line, p] * c.answer[p, q] * c.direction[lines[k], q]
+                    total += c.lines.direction[line, p] * c.load.answer[p, q] * c.lines.direction[lines[k], q]
             total *= g[i] * g[k]
             if lines[k] == line:
                 if i < contacts:
@@ -143,16 +145,17 @@ def hold_forces(coupling: int, number: int, begin: int, v0, v, force) -> int:
                 for k in range(rows):
                     a[i, k] -= factor * a[f, k]
                 b[i] -= factor * b[f]
-    compact = c.big_compact[: contacts * contacts].reshape(contacts, contacts)
-    factors = c.big_factor[: contacts * contacts].reshape(contacts, contacts)
-    marks = c.big_marks
+    compact = c.problem.compact[: contacts * contacts].reshape(contacts, contacts)
+    factors = c.problem.factor[: contacts * contacts].reshape(contacts, contacts)
+    marks = c.problem.marks
     for i in range(contacts):
         marks[0, i] = 1
         marks[1, i] = 0
         for k in range(contacts):
             compact[i, k] = a[i, k]
     zero = int(np.int64(0))
-    status, _, _ = pivot(compact, b[:contacts], marks[0, :contacts], marks[1, :contacts], z, factors, c.big_index[2], zero)
+    order = c.problem.places[2]
+    status, _, _ = pivot(compact, b[:contacts], marks[0, :contacts], marks[1, :contacts], z, factors, order, zero)
     for f in range(rows - 1, contacts - 1, -1):
         total = b[f]
         for k in range(rows):
@@ -162,7 +165,7 @@ def hold_forces(coupling: int, number: int, begin: int, v0, v, force) -> int:
     for i in range(d):
         force[i] = 0.0
     for i in range(rows):
-        e, m = end_at(c.line_end[lines[i]]), string_model(c.line_model[lines[i]])
+        e, m = end_at(c.lines.end[lines[i]]), string_model(c.lines.model[lines[i]])
         row = _place(numbers[i]) if i < contacts else m.shapes.shape[0]
         steps = steps_of(c, e, lines[i])
         first = number % (BLOCK // steps) * steps
@@ -170,9 +173,9 @@ def hold_forces(coupling: int, number: int, begin: int, v0, v, force) -> int:
         for t in range(steps):
             e.block.forces[row, first + t] = z[i] + (z[i - 1] if behind_layer else 0.0)
         for k in range(d):
-            force[k] += c.direction[lines[i], k] * g[i] * z[i]
+            force[k] += c.lines.direction[lines[i], k] * g[i] * z[i]
     for i in range(d):
         v[i] = v0[i]
         for k in range(d):
-            v[i] += c.answer[i, k] * force[k] / c.frame
+            v[i] += c.load.answer[i, k] * force[k] / c.frame
     return status

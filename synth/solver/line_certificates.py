@@ -51,8 +51,8 @@ def certify_line(coupling: int, line: int, scratch: int) -> int:
     """How many contacts free flight of a line, its end standing where it is, may touch: those whose clearance is not
     positive after this. End.certificate.bound holds from here on."""
     c, w = coupling_at(coupling), scratch_of(scratch)
-    m, s, e = string_model(c.line_model[line]), string_state(c.line_state[line]), end_at(c.line_end[line])
-    height, n = along(c, line, c.beta), s.counts[MOVING]
+    m, s, e = string_model(c.lines.model[line]), string_state(c.lines.state[line]), end_at(c.lines.end[line])
+    height, n = along(c, line, c.bridge.beta), s.counts[MOVING]
     extent, moved = w.modes.moved[0, :n], w.modes.moved[1, :n]
     time = BLOCK * c.frame
     extents(m.omega[:n], s.q[:n], s.v[:n], extent)
@@ -87,13 +87,13 @@ def is_clear(coupling: int, line: int, scratch: int) -> bool:
     """Whether all contacts of a line that are not certified are out of reach for a block: within K frames free flight
     moves a contact by no more than Σ |φ_j| E_j min(2, ω_j K H), and End.numbers[SLACK] is what is left to the nearest."""
     c = coupling_at(coupling)
-    m, s, e = string_model(c.line_model[line]), string_state(c.line_state[line]), end_at(c.line_end[line])
+    m, s, e = string_model(c.lines.model[line]), string_state(c.lines.state[line]), end_at(c.lines.end[line])
     contacts = m.shapes.shape[0]
     if e.counts[QUIET] >= 0:
         if e.counts[QUIET] < _QUIET_BLOCKS:
             return False
         certify_line(coupling, line, scratch)
-    n, height, slack = m.modes, along(c, line, c.beta), _FAR_AWAY_M
+    n, height, slack = m.modes, along(c, line, c.bridge.beta), _FAR_AWAY_M
     for k in range(contacts):
         if e.certificate.clearance[k] <= 0.0:
             here = dot(m.shapes[k, :n], s.q[:n]) + e.leverage[k] * height - s.eta[k]
@@ -115,9 +115,9 @@ def lasts(coupling: int, line: int, frames: int) -> bool:
     bridge and finger have done; LATELY and LATELY_RISEN are the bridge's part, from End.block.kicks by frames. Forces of
     contacts end every certificate."""
     c = coupling_at(coupling)
-    s, e = string_state(c.line_state[line]), end_at(c.line_end[line])
+    s, e = string_state(c.lines.state[line]), end_at(c.lines.end[line])
     pushed, pressed = _stirred(e)
-    speed, kicked, moved = along(c, line, c.speed), 0.0, 0.0
+    speed, kicked, moved = along(c, line, c.bridge.speed), 0.0, 0.0
     for k in range(frames - 1, -1, -1):
         turn = e.block.kicks[k]
         kicked += abs(turn)
@@ -130,7 +130,7 @@ def lasts(coupling: int, line: int, frames: int) -> bool:
         return enough
     if not pushed:
         return enough and not pressed and e.numbers[LEAST] > e.numbers[LATELY]
-    for k in range(string_model(c.line_model[line]).shapes.shape[0]):
+    for k in range(string_model(c.lines.model[line]).shapes.shape[0]):
         if e.certificate.clearance[k] > 0.0:
             enough = enough and e.certificate.clearance[k] > e.numbers[LATELY] + s.grip.far[k] * e.certificate.pushed[0]
     return enough and not pressed
@@ -140,7 +140,7 @@ def lasts(coupling: int, line: int, frames: int) -> bool:
 def spend(coupling: int, line: int) -> None:
     """Take what the last block has done, by `lasts`, off a line's clearances."""
     c = coupling_at(coupling)
-    s, e = string_state(c.line_state[line]), end_at(c.line_end[line])
+    s, e = string_state(c.lines.state[line]), end_at(c.lines.end[line])
     pushed, pressed = _stirred(e)
     if pushed or pressed:
         e.counts[QUIET] = 0
@@ -150,7 +150,7 @@ def spend(coupling: int, line: int) -> None:
     e.numbers[RISEN] += e.numbers[LATELY_RISEN]
     if e.counts[CERTIFIED] > 0:
         least, clearance = _FAR_AWAY_M, e.certificate.clearance
-        for k in range(string_model(c.line_model[line]).shapes.shape[0]):
+        for k in range(string_model(c.lines.model[line]).shapes.shape[0]):
             if clearance[k] > 0.0:
                 clearance[k] -= e.numbers[LATELY] + (s.grip.far[k] * e.certificate.pushed[0] if pushed else 0.0)
                 least = min(least, clearance[k])
@@ -176,11 +176,11 @@ def runs_out(coupling: int, line: int, frames: int) -> bool:
     """Whether a finger that goes on pushing as it does may use up what is left to a certified contact in so many frames: it
     is better to ask the contacts then than to go through the block twice."""
     c = coupling_at(coupling)
-    s, e = string_state(c.line_state[line]), end_at(c.line_end[line])
+    s, e = string_state(c.lines.state[line]), end_at(c.lines.end[line])
     if s.finger[0].on == 0 or e.counts[CERTIFIED] == 0:
         return False
-    strength = _RESERVE * abs(s.finger[0].push) * (frames * c.steps[line])
-    for k in range(string_model(c.line_model[line]).shapes.shape[0]):
+    strength = _RESERVE * abs(s.finger[0].push) * (frames * c.lines.steps[line])
+    for k in range(string_model(c.lines.model[line]).shapes.shape[0]):
         if e.certificate.clearance[k] > 0.0 and e.certificate.clearance[k] < s.grip.far[k] * strength:
             return True
     return False

@@ -55,11 +55,11 @@ _OUTLASTED = 4.0
 def may_cull(coupling: int, line: int) -> bool:
     """Whether it pays: a line with many contacts that are not certified, which do not rub."""
     c = coupling_at(coupling)
-    if c.friction[line] > 0.0 or (line + 1 < c.friction.size and c.friction[line + 1] > 0.0):
+    if c.lines.friction[line] > 0.0 or (line + 1 < c.lines.friction.size and c.lines.friction[line + 1] > 0.0):
         return False
-    e = end_at(c.line_end[line])
+    e = end_at(c.lines.end[line])
     several = 0
-    for k in range(string_model(c.line_model[line]).shapes.shape[0]):
+    for k in range(string_model(c.lines.model[line]).shapes.shape[0]):
         several += 1 if e.certificate.clearance[k] <= 0.0 else 0
     return several >= c.culled_from
 
@@ -72,9 +72,9 @@ def cull(coupling: int, line: int, scratch: int, steps: int) -> int:
     A line that goes by frames needs all of its contacts out of reach, certified or not.
     """
     c, w = coupling_at(coupling), scratch_of(scratch)
-    m, s, e = string_model(c.line_model[line]), string_state(c.line_state[line]), end_at(c.line_end[line])
+    m, s, e = string_model(c.lines.model[line]), string_state(c.lines.state[line]), end_at(c.lines.end[line])
     by_frames = e.counts[BY_FRAMES] != 0
-    n, height, finger = moving_modes(m, e), along(c, line, c.beta), s.finger[0]
+    n, height, finger = moving_modes(m, e), along(c, line, c.bridge.beta), s.finger[0]
     dt = c.frame if by_frames else m.dt
     whole, soon, omega, q, v = w.modes.moved[0, :n], w.modes.moved[1, :n], m.omega, s.q, s.v
     push = finger.push if finger.on else 0.0
@@ -100,7 +100,7 @@ def cull(coupling: int, line: int, scratch: int, steps: int) -> int:
 def _left_after(c, line: int, whole, soon, height: float, left_soon) -> tuple[int, int]:
     """End.block.left once each mode has moved by as much as in the whole time (n,), and the same by as much as soon; how
     many contacts are to be looked at in either case."""
-    m, s, e = string_model(c.line_model[line]), string_state(c.line_state[line]), end_at(c.line_end[line])
+    m, s, e = string_model(c.lines.model[line]), string_state(c.lines.state[line]), end_at(c.lines.end[line])
     q, near, near_soon = s.q[: whole.size], 0, 0
     reserve, held = _OF_THE_BRIDGE * e.numbers[LATELY], e.numbers[HELD_REACH] * abs(e.block.answer[FINGERS_PUSH])
     for k in range(m.shapes.shape[0]):
@@ -141,7 +141,7 @@ def held_at_rest(m, s, j: int) -> float:
 @njit(fastmath=FAST, **INNER)
 def fill_held_at_rest(c, line: int, held) -> None:
     """held (≥ modes,): `held_at_rest` of the modes of a line that rest while it goes by frames; HELD_REACH of them."""
-    m, s, e = string_model(c.line_model[line]), string_state(c.line_state[line]), end_at(c.line_end[line])
+    m, s, e = string_model(c.lines.model[line]), string_state(c.lines.state[line]), end_at(c.lines.end[line])
     total = 0.0
     for j in range(e.counts[APART_MODES], m.modes):
         held[j] = held_at_rest(m, s, j)
@@ -155,7 +155,7 @@ def spend_left(coupling: int, line: int, first: int, turn: float, speed: float) 
     and the contacts pushed as they have from step `first` of the block on. End.block.known has it where something is used
     up."""
     c = coupling_at(coupling)
-    m, s, e = string_model(c.line_model[line]), string_state(c.line_state[line]), end_at(c.line_end[line])
+    m, s, e = string_model(c.lines.model[line]), string_state(c.lines.state[line]), end_at(c.lines.end[line])
     steps, contacts, strength = steps_of(c, e, line), m.shapes.shape[0], 0.0
     if s.finger[0].on != 0:
         for t in range(first, first + steps):

@@ -39,7 +39,7 @@ _PATIENCE = 3
 def rubs(coupling: int, line: int) -> bool:
     """Whether contacts of a line are those of the line before, where that presses them."""
     c = coupling_at(coupling)
-    return c.friction[line] > 0.0 and string_state(c.line_state[line]).finger[0].on == 0
+    return c.lines.friction[line] > 0.0 and string_state(c.lines.state[line]).finger[0].on == 0
 
 
 @njit(cache=True, nogil=True)
@@ -47,7 +47,7 @@ def rub_where_pressed(coupling: int, line: int, pressed: bool) -> None:
     """Before `line_forces.look_at_line`: of the contacts of a line with friction those are looked at that are in the line
     before, where that looks at any (`pressed`) and no finger is on."""
     c = coupling_at(coupling)
-    s, e, first = string_state(c.line_state[line]), end_at(c.line_end[line]), end_at(c.line_end[line - 1])
+    s, e, first = string_state(c.lines.state[line]), end_at(c.lines.end[line]), end_at(c.lines.end[line - 1])
     pressed = pressed and s.finger[0].on == 0
     for k in range(e.certificate.clearance.size):
         e.certificate.clearance[k] = first.certificate.clearance[k] if pressed else 1.0
@@ -58,8 +58,7 @@ def answer_of_rubbed(
     model: int, state: int, end: int, first_end: int, friction: float, scratch: int, first: int, steps: int, turn: float
 ) -> tuple[float, float, float, int, int]:
     """`line_forces.answer_of_line` of a second direction, once the first has its forces (End.block.forces and slopes): (mean
-    force on the bridge, its slope by the speed of its own end, by that of the first direction's, what contacts do, a
-    status)."""
+    force on the bridge, its slope by the speed of its own end, by that of the first one's, what contacts do, status)."""
     m, s, e, one, w = string_model(model), string_state(state), end_at(end), end_at(first_end), scratch_of(scratch)
     several, near, lags = e.counts[NEAR], e.block.near, m.lags
     ways, moves = w.rows.u, w.rows.forces  # of the contacts over these steps, and by the speed of the own end
@@ -73,14 +72,8 @@ def answer_of_rubbed(
         for d in range(several):
             a[i, d] = lags[near[i], near[d], BLOCK]
     force, slope, cross, pattern, status = 0.0, 0.0, 0.0, 0, SOLVED
-    side, active, way, bound, z = (
-        w.pivot.enabled[:several],
-        w.pivot.active[:several],
-        w.pivot.b[:several],
-        w.y[:several],
-        w.z[:several],
-    )
-    right, change = w.modes.after[:several], w.pivot.matrix[:several]
+    side, active, way = w.pivot.enabled[:several], w.pivot.active[:several], w.pivot.b[:several]
+    bound, z, right, change = w.y[:several], w.z[:several], w.modes.after[:several], w.pivot.matrix[:several]
     for t in range(steps):
         pressed = False
         for i in range(several):

@@ -27,8 +27,8 @@ _NEARLY = 1.0 - 1e-9
 def note_gaps(coupling: int, line: int) -> None:
     """StringState.u of the contacts of a line that are not certified, from its modes."""
     c = coupling_at(coupling)
-    m, s, e = string_model(c.line_model[line]), string_state(c.line_state[line]), end_at(c.line_end[line])
-    height, contacts, n = along(c, line, c.beta), m.shapes.shape[0], m.modes
+    m, s, e = string_model(c.lines.model[line]), string_state(c.lines.state[line]), end_at(c.lines.end[line])
+    height, contacts, n = along(c, line, c.bridge.beta), m.shapes.shape[0], m.modes
     for k in range(contacts):
         if e.certificate.clearance[k] <= 0.0:
             here = dot(m.shapes[k, :n], s.q[:n]) + e.leverage[k] * height - s.eta[k]

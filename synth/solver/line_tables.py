@@ -150,7 +150,7 @@ def _fill_finger_end(rows, n: int, dt: float, model: int, state: int, end: int, 
 def ensure_tables(coupling: int, line: int, scratch: int) -> None:
     """All that is due of a line is filled. Works in Scratch.modes.q, v and spare."""
     c, w = coupling_at(coupling), scratch_of(scratch)
-    model, end = c.line_model[line], c.line_end[line]
+    model, end = c.lines.model[line], c.lines.end[line]
     m, e = string_model(model), end_at(end)
     if e.counts[DUE] == READY:
         return
@@ -158,12 +158,12 @@ def ensure_tables(coupling: int, line: int, scratch: int) -> None:
         fill_step(model, e.sigma)
         if m.shapes.shape[0] > 0:
             fill_contact_matrix(model, e.numbers[RELIEF])
-            put_off(model, c.line_state[line])
+            put_off(model, c.lines.state[line])
     n = m.modes
     e.flight[:6, n:] = 0.0
     quick_coefficients(EXACT_HOLD, m.omega[:n], e.sigma[:n], m.mu, c.frame, e.flight)
     fill_rows(e.flight)
-    fill_looked_at(model, end, c.steps[line], w.modes.q, w.modes.v, w.rows.spare)
+    fill_looked_at(model, end, c.lines.steps[line], w.modes.q, w.modes.v, w.rows.spare)
     e.counts[DUE] = READY
 
 
@@ -171,7 +171,7 @@ def ensure_tables(coupling: int, line: int, scratch: int) -> None:
 def _rest_no_more(coupling: int, line: int, scratch: int) -> None:
     """All modes of a line that are heard move again while it is not looked at."""
     c, w = coupling_at(coupling), scratch_of(scratch)
-    end = c.line_end[line]
+    end = c.lines.end[line]
     e = end_at(end)
     e.counts[RESTING] = 0
     if e.counts[HEARD_MODES] > e.counts[APART_MODES]:
@@ -184,10 +184,10 @@ def _rest_no_more(coupling: int, line: int, scratch: int) -> None:
 def fill_finger(coupling: int, line: int, scratch: int) -> None:
     """Responses of a line that is looked at in its own steps to the finger on it, whose weights its state has."""
     c, w = coupling_at(coupling), scratch_of(scratch)
-    model, state, end = c.line_model[line], c.line_state[line], c.line_end[line]
+    model, state, end = c.lines.model[line], c.lines.state[line], c.lines.end[line]
     ensure_tables(coupling, line, scratch)
     fill_grip(model, state, scratch, int(np.int64(1)))
-    fill_finger_end(model, state, end, c.steps[line], w.modes.q, w.modes.v, w.rows.spare)
+    fill_finger_end(model, state, end, c.lines.steps[line], w.modes.q, w.modes.v, w.rows.spare)
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
@@ -196,7 +196,7 @@ def go_by_frames(coupling: int, line: int, scratch: int) -> bool:
     out of reach for a block of frames; whether they are. `gather_lines` then. Its End.flight must be as its modes are.
     """
     c, w = coupling_at(coupling), scratch_of(scratch)
-    model, state, end = c.line_model[line], c.line_state[line], c.line_end[line]
+    model, state, end = c.lines.model[line], c.lines.state[line], c.lines.end[line]
     m, s, e = string_model(model), string_state(state), end_at(end)
     before, held = e.counts[BY_FRAMES], w.modes.moved[2]
     e.counts[BY_FRAMES] = 1
@@ -254,7 +254,7 @@ def look_at(coupling: int, line: int, engaged: int, scratch: int) -> None:
     """Begin to look at the contacts of a line, or leave off; `gather_lines` once all are so. What is above the band of one
     that is not looked at comes to rest."""
     c = coupling_at(coupling)
-    e, s = end_at(c.line_end[line]), string_state(c.line_state[line])
+    e, s = end_at(c.lines.end[line]), string_state(c.lines.state[line])
     went_by_frames = e.counts[BY_FRAMES] != 0
     e.counts[ENGAGED] = engaged
     e.counts[BY_FRAMES] = 0
@@ -262,7 +262,7 @@ def look_at(coupling: int, line: int, engaged: int, scratch: int) -> None:
         if e.counts[RESTING]:
             _rest_no_more(coupling, line, scratch)
         ensure_tables(coupling, line, scratch)
-        s.counts[MOVING] = string_model(c.line_model[line]).modes
+        s.counts[MOVING] = string_model(c.lines.model[line]).modes
         if went_by_frames:
             _bend_above(c, line)
         return
@@ -272,7 +272,7 @@ def look_at(coupling: int, line: int, engaged: int, scratch: int) -> None:
 @njit(inline="always")
 def _rest_above(c, line: int) -> None:
     """The modes of a line that move only while it is looked at in its own steps come to rest."""
-    e, s = end_at(c.line_end[line]), string_state(c.line_state[line])
+    e, s = end_at(c.lines.end[line]), string_state(c.lines.state[line])
     for j in range(e.counts[APART_MODES], s.counts[MOVING]):
         s.q[j] = 0.0
         s.v[j] = 0.0
@@ -282,11 +282,11 @@ def _rest_above(c, line: int) -> None:
 @njit(inline="always")
 def _bend_above(c, line: int) -> None:
     """The modes of a line that rested while it went by frames are where the finger's last push holds them."""
-    e, s, m = end_at(c.line_end[line]), string_state(c.line_state[line]), string_model(c.line_model[line])
+    e, s, m = end_at(c.lines.end[line]), string_state(c.lines.state[line]), string_model(c.lines.model[line])
     push = s.finger[0].push
     if push == 0.0:
         return
-    look_everywhere(c.line_end[line])  # no certificate knows of them
+    look_everywhere(c.lines.end[line])  # no certificate knows of them
     for j in range(e.counts[APART_MODES], m.modes):
         s.q[j] = push * held_at_rest(m, s, j)
         s.v[j] = 0.0

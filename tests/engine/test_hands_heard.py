@@ -160,16 +160,16 @@ def test_a_knock_moves_the_body_as_its_modes_say() -> None:
     late = made.latency_samples
     out = play(made, [(0, NOTE_ON, 0, 43, 127)], 176 + late)[late:]
     c = coupling_of(made)
-    np.testing.assert_allclose(c.struck[0] * c.body_mass[0] * RATE_HZ, 1.0)
+    np.testing.assert_allclose(c.body.struck[0] * c.body.mass[0] * RATE_HZ, 1.0)
     time = np.arange(176)
     steps = round(0.004 * RATE_HZ)
     force = np.where(time < steps, 1.5 * (1.0 - np.cos(2.0 * np.pi * time / steps)), 0.0)
-    p, v = np.zeros(c.p.size), np.zeros(c.p.size)
+    p, v = np.zeros(c.body.motion.p.size), np.zeros(c.body.motion.p.size)
     wanted = np.zeros((176, 2))
     for t in range(176):
-        kicked = v + force[t] * c.struck
-        p, after = c.body[0] * p + c.body[1] * kicked, c.body[2] * p + c.body[3] * kicked
-        wanted[t] = c.radiation @ (after - v) * RATE_HZ
+        kicked = v + force[t] * c.body.struck
+        p, after = c.body.rows[0] * p + c.body.rows[1] * kicked, c.body.rows[2] * p + c.body.rows[3] * kicked
+        wanted[t] = c.body.radiation @ (after - v) * RATE_HZ
         v = after
     assert np.abs(out).max() > 0.0
     assert np.abs(out - wanted).max() < 0.1 * np.abs(wanted).max()  # strings load the body a little
@@ -189,7 +189,7 @@ def test_a_knock_follows_velocity_and_seed_and_has_an_end() -> None:
 def test_after_it_nothing_gains_energy() -> None:
     made = engine(pair("pair", KNOCK))
     play(made, [(0, NOTE_ON, 0, 43, 127)], 1024)
-    assert not made._sounding.knocks["steps"].any() and coupling_of(made).knocked[0] == 0
+    assert not made._sounding.knocks["steps"].any() and coupling_of(made).body.ahead.knocked[0] == 0
     before = energy_together(made)
     for _ in range(40):
         play(made, [], QUANTUM, QUANTUM)

@@ -151,8 +151,8 @@ def test_strings_and_body_move_as_their_complex_modes() -> None:
         w, rates, p, v = system.parts()
         for part, speeds, string, line in zip(w, rates, strings, lines, strict=True):
             n = line.omega.size
-            x[part], x[speeds] = string.q[:n], string.v[:n] + line.ramp * body.speed[0]
-        x[p], x[v] = body.p[: len(modes)], body.p_speed[: len(modes)]
+            x[part], x[speeds] = string.q[:n], string.v[:n] + line.ramp * body.bridge.speed[0]
+        x[p], x[v] = body.body.motion.p[: len(modes)], body.body.motion.speed[: len(modes)]
         return x
 
     before = state()
@@ -204,7 +204,7 @@ def test_it_sleeps_when_it_is_silent_and_wakes_as_new() -> None:
     assert np.abs(end[-44100:]).max() == 0.0
     asleep = int(np.flatnonzero(np.abs(end[:, 0]) > 0.0)[-1])
     assert np.abs(end[asleep - 64 : asleep]).max() < 2e-5
-    assert coupling_of(made).p.any() == 0
+    assert coupling_of(made).body.motion.p.any() == 0
     assert np.array_equal(play(made, rows, 4480), first)
 
 

@@ -160,8 +160,6 @@ def test_a_record_may_hold_others() -> None:
     assert arrays_of(pair)["arrays.flags"] is pair.arrays.flags and len(list(values(pair))) == len(fields(Pair))
     with pytest.raises(TypeError, match=r"Work\.steps is a number, which must be given"):
         allocate(Pair, SIZES, count=2)
-    with pytest.raises(ValueError, match=r"Work.q must have the shape \(4,\), got \(5,\)"):
-        allocate(Pair, SIZES | {"modes": 4}, count=2, work=work)
     with pytest.raises(TypeError, match=r"Pair\.work\.q must be"):
         table(pair._replace(work=work._replace(q=np.zeros(5, np.float32))))
 

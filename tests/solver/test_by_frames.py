@@ -110,7 +110,7 @@ def test_modes_that_rest_are_held_by_the_finger() -> None:
         state.q[8:n], finger["push"] * state.grip.weights[8:n] / (model.mu * model.omega[8:n] ** 2), rtol=1e-12
     )
     lever = end.numbers[coupling.FINGER_LEVERAGE] * coupling.along.py_func(
-        kernel.lines.coupling, 0, kernel.lines.coupling.beta
+        kernel.lines.coupling, 0, kernel.lines.coupling.bridge.beta
     )
     assert state.grip.weights[:n] @ state.q[:n] + lever == pytest.approx(float(finger["here"]), rel=1e-9)
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from synth.solver import coupling
+from synth.solver.coupled_body import COMPONENTS, HAND
 from synth.solver.frames import advance_frames
 from tests.coupledkit import Kernel
 from tests.solver.test_coupled_frames import RATE_HZ, contact_scene, size_of
@@ -32,15 +33,16 @@ def played(seed: int, steps: int, engaged: bool, calls: tuple[int, ...]) -> Play
     blows = rng.normal(size=sum(calls)) * (rng.random(sum(calls)) < 0.3)
     kernel.start(x)
     c, radiated, at = kernel.coupling, [], 0
+    body = c.body
     for frames in calls:
-        c.knocked[0], c.knock[:frames] = 1, blows[at : at + frames]
-        before = c.p_speed.copy()
+        body.ahead.knocked[0], body.ahead.knock[:frames] = 1, blows[at : at + frames]
+        before = body.motion.speed.copy()
         out = np.zeros((2, frames))
         assert advance_frames(kernel.address, kernel.lines.scratch, frames, frames, out) == 0
         radiated.append(out)
         at += frames
-        np.testing.assert_allclose(c.shape @ c.p, c.beta, atol=1e-12 * np.abs(c.beta).max())
-        mean = c.radiation @ (c.p_speed - before) / (c.frame * frames)
+        np.testing.assert_allclose(body.shape @ body.motion.p, c.bridge.beta, atol=1e-12 * np.abs(c.bridge.beta).max())
+        mean = body.radiation @ (body.motion.speed - before) / (c.frame * frames)
         np.testing.assert_allclose(out.mean(axis=1), mean, atol=1e-11 * np.abs(out).max())
     return Played(kernel, np.hstack(radiated))
 
@@ -63,17 +65,17 @@ def test_a_block_is_its_frames_one_by_one(steps: int, engaged: bool) -> None:
 def test_what_a_response_says_is_what_the_modes_do() -> None:
     """Each force and the knock by itself, on the modes a frame at a time."""
     kernel = played(400, 1, True, (8,)).kernel
-    c = kernel.coupling
-    for source in range(coupling.COMPONENTS + 1):
-        p, v = np.zeros((2, c.p.size))
-        push = np.zeros(c.p.size) if source == coupling.HAND else c.shape[source]
-        kicked = c.struck if source == coupling.HAND else 0.0 * c.struck
+    body = kernel.coupling.body
+    for source in range(COMPONENTS + 1):
+        rows, (p, v) = body.rows, np.zeros((2, body.motion.p.size))
+        push = np.zeros(body.motion.p.size) if source == HAND else body.shape[source]
+        kicked = body.struck if source == HAND else 0.0 * body.struck
         for k in range(coupling.BLOCK, 2 * coupling.BLOCK):
             before, v = v, v + kicked
-            p, v = c.body[0] * p + c.body[1] * v + c.body[4] * push, c.body[2] * p + c.body[3] * v + c.body[5] * push
+            p, v = rows[0] * p + rows[1] * v + rows[4] * push, rows[2] * p + rows[3] * v + rows[5] * push
             push, kicked = 0.0 * push, 0.0 * kicked
-            np.testing.assert_allclose(c.moves[:, source, k], c.shape @ p, atol=1e-13 * np.abs(c.moves).max())
+            np.testing.assert_allclose(body.moves[:, source, k], body.shape @ p, atol=1e-13 * np.abs(body.moves).max())
             np.testing.assert_allclose(
-                c.sounds[:, source, k], c.radiation @ (v - before), atol=1e-13 * np.abs(c.sounds).max()
+                body.sounds[:, source, k], body.radiation @ (v - before), atol=1e-13 * np.abs(body.sounds).max()
             )
-    assert not c.moves[..., : coupling.BLOCK].any() and not c.sounds[..., : coupling.BLOCK].any()
+    assert not body.moves[..., : coupling.BLOCK].any() and not body.sounds[..., : coupling.BLOCK].any()

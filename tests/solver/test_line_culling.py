@@ -134,7 +134,7 @@ def culled(seed: int, steps: int, frames: int) -> tuple[Kernel, np.ndarray]:
 def gaps(kernel: Kernel) -> np.ndarray:
     """Of the first string's contacts, as its modes have them."""
     model, end, n = kernel.models[0], kernel.ends[0], kernel.system.lines[0].omega.size
-    height = float(kernel.coupling.direction[0] @ kernel.coupling.beta)
+    height = float(kernel.coupling.lines.direction[0] @ kernel.coupling.bridge.beta)
     return model.shapes[:, :n] @ kernel.states[0].q[:n] + end.leverage * height - kernel.states[0].eta
 
 

@@ -64,7 +64,7 @@ def rubbing_scene(seed: int, steps: int, lightness: float = 1.0) -> tuple[RampFr
     x[v] = rng.normal(size=len(modes)) * 0.05 * np.sqrt(lightness)
     twin.heights = np.minimum(twin.heights, system.displacement_rows(places) @ x)
     kernel = Kernel(system, twin.frame_s, steps, places, list(twin.heights), residual)
-    kernel.coupling.friction[:] = friction
+    kernel.coupling.lines.friction[:] = friction
     kernel.start(x)
     return twin, x, kernel, np.array(friction)
 
@@ -133,7 +133,7 @@ def test_without_it_nothing_changes() -> None:
     for seed in range(6):
         twin, x, bare, _ = rubbing_scene(100 + seed, 2)
         rubbed = rubbing_scene(100 + seed, 2)[2]
-        bare.coupling.friction[:] = 0.0
+        bare.coupling.lines.friction[:] = 0.0
         plain = Kernel(twin.system, twin.frame_s, 2, twin.places, list(twin.heights), twin.residual)
         plain.start(x)
         for kernel in (rubbed, bare, plain):

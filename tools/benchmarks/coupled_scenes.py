@@ -174,23 +174,25 @@ def plain_of(player: scenes.Player) -> PlainInstrument:
         lines.append(
             LineArrays(
                 float(end.numbers[LENGTH]), float(end.numbers[TENSION]), model.mu, np.array(model.omega[:n]),
-                np.array(model.sigma[:n]), ramp, np.array(coupling.direction[len(lines)]), np.array(model.shapes[:, :n]),
-                np.array(end.leverage[:contacts]), np.array(heights[:contacts]), np.array(model.residual),
+                np.array(model.sigma[:n]), ramp, np.array(coupling.lines.direction[len(lines)]),
+                np.array(model.shapes[:, :n]), np.array(end.leverage[:contacts]), np.array(heights[:contacts]),
+                np.array(model.residual),
             )
         )  # fmt: skip
-    steps = [int(r) if line.eta.size else 1 for r, line in zip(coupling.steps, lines, strict=True)]
-    modes = np.count_nonzero(coupling.body_omega)
+    steps = [int(r) if line.eta.size else 1 for r, line in zip(coupling.lines.steps, lines, strict=True)]
+    modes = np.count_nonzero(coupling.body.omega)
     plain = PlainInstrument(
         lines,
-        coupling.body[:6, :modes].copy(),
-        coupling.shape[:, :modes].copy(),
-        coupling.radiation[:, :modes].copy(),
+        coupling.body.rows[:6, :modes].copy(),
+        coupling.body.shape[:, :modes].copy(),
+        coupling.body.radiation[:, :modes].copy(),
         coupling.frame,
         steps,
     )
     for k, s in enumerate(strings.bridges.strings):
         state, n = strings.states.items[s], plain.modes[k]
         plain.q[k, :n], plain.v[k, :n] = state.q[:n], state.v[:n]
-    plain.p[:], plain.p_speed[:], plain.held[:] = coupling.p[:modes], coupling.p_speed[:modes], coupling.held[0]
-    plain.speed[:], plain.rest[:] = coupling.speed, coupling.rest
+    motion = coupling.body.motion
+    plain.p[:], plain.p_speed[:], plain.held[:] = motion.p[:modes], motion.speed[:modes], coupling.bridge.held[0]
+    plain.speed[:], plain.rest[:] = coupling.bridge.speed, coupling.bridge.rest
     return plain

@@ -21,10 +21,11 @@ from synth.research.finger_paths import Way, last_steps, sliding_off
 from synth.solver import coupled_study as study
 from synth.solver import coupling
 from synth.solver.coupled_advance import advance_study, write_row
+from synth.solver.coupled_body import COMPONENTS
 from synth.solver.coupled_ledger import weigh_now
 from synth.solver.coupled_lines import CoupledLines
 from synth.solver.coupled_study import CHUNK, CoupledStudy, FarEnds, FrameBefore, StudyRows, far_moments
-from synth.solver.coupling import COMPONENTS, COUPLING_SIZES, MOST_STEPS
+from synth.solver.coupling import COUPLING_SIZES, MOST_STEPS
 from synth.solver.fret_change import drawn_behind, eased, release, stop
 
 #: a bend renews the tension this often [s]
@@ -90,8 +91,8 @@ class CoupledPlayer:
             "lines": len(self.heights), "contacts": int(first[-1]), "modes": max(scene.modes), "points": len(points),
             "CHUNK": CHUNK, "PATH": CHUNK * MOST_STEPS + 1, "rows": scene.rows, "axes": scene.body.axes,
             "components": COMPONENTS,
-            "channels": 2, "body": self.lines.coupling.p.size, "N_ENERGIES": study.N_ENERGIES, "N_SUMS": study.N_SUMS,
-            "N_COUNTS": study.N_COUNTS, "weighed": scene.rows if run.ledger else 0,
+            "channels": 2, "body": self.lines.coupling.body.mass.size, "N_ENERGIES": study.N_ENERGIES,
+            "N_SUMS": study.N_SUMS, "N_COUNTS": study.N_COUNTS, "weighed": scene.rows if run.ledger else 0,
         }  # fmt: skip
         out_line = np.array([line for line, _ in points], np.int64)
         given = {"coupling": self.lines.address, "scratch": self.lines.scratch, "every": run.steps_per_output}
@@ -138,7 +139,7 @@ class CoupledPlayer:
         """The obstacle of a line that is pressed by nothing: where it belongs, or where the string is below that."""
         lines, t = self.lines, self.t
         state, end, model = lines.states[k], lines.ends[k], lines.models[k]
-        b = float(lines.coupling.direction[k] @ lines.coupling.beta)
+        b = float(lines.coupling.lines.direction[k] @ lines.coupling.bridge.beta)
         up = float(
             self.scene.obstacle_displacement(self.scene.lines[k].string, np.array([self.frame * self.scene.frame_s]))[0]
         )
@@ -188,14 +189,14 @@ class CoupledPlayer:
 
         def change() -> None:
             c = self.lines.coupling
-            left_out = float(c.rest @ c.rest_mass @ c.rest)
+            left_out = float(c.bridge.rest @ c.load.rest_mass @ c.bridge.rest)
             for k, of in enumerate(self.scene.lines):
                 if of.string == number:
                     self._stop_line(k, fret, 0.0 if of.second else fret.height_m)
             self.lines.gather()
-            now = float(c.rest @ c.rest_mass @ c.rest)
+            now = float(c.bridge.rest @ c.load.rest_mass @ c.bridge.rest)
             if now > left_out:
-                c.rest[:] *= math.sqrt(left_out / now)
+                c.bridge.rest[:] *= math.sqrt(left_out / now)
 
         given = float(self.t.now[study.WORK_FRET])
         grown = self._weighed(study.LOST_FRET, -1.0, change)
@@ -209,8 +210,8 @@ class CoupledPlayer:
         state, end, body = lines.states[k], lines.ends[k], lines.coupling
         whole = scene.strings[scene.lines[k].string].length_m
         before, after = whole - self.stopped[k], whole - fret.position_m
-        speed = float(body.direction[k] @ body.speed)
-        b = float(body.direction[k] @ body.beta)
+        speed = float(body.lines.direction[k] @ body.bridge.speed)
+        b = float(body.lines.direction[k] @ body.bridge.beta)
         n_old, n = scene.modes_at(k, self.stopped[k]), scene.modes_at(k, fret.position_m)
         w = state.q[:n_old].copy()
         y = state.v[:n_old] - end.kick[:n_old] * speed + self.far.moments[k, :n_old] * self.far.speed[k]
@@ -346,9 +347,9 @@ class CoupledPlayer:
         for k, state in enumerate(self.lines.states):
             n = w[k].stop - w[k].start
             x[w[k]] = state.q[:n]
-            x[rates[k]] = state.v[:n] - self.lines.ends[k].kick[:n] * (body.direction[k] @ body.speed)
+            x[rates[k]] = state.v[:n] - self.lines.ends[k].kick[:n] * (body.lines.direction[k] @ body.bridge.speed)
         modes = len(self.scene.body.modes)
-        x[p], x[v] = body.p[:modes], body.p_speed[:modes]
+        x[p], x[v] = body.body.motion.p[:modes], body.body.motion.speed[:modes]
         return x
 
     def _outcome(self, seconds: float) -> CoupledOutcome:
