@@ -133,7 +133,7 @@ def test_without_it_nothing_changes() -> None:
     for seed in range(6):
         twin, x, bare, _ = rubbing_scene(100 + seed, 2)
         rubbed = rubbing_scene(100 + seed, 2)[2]
-        bare.coupling.friction[:] = 0.0
+        bare.coupling.lines.friction[:] = 0.0
         plain = Kernel(twin.system, twin.frame_s, 2, twin.places, list(twin.heights), twin.residual)
         plain.start(x)
         for kernel in (rubbed, bare, plain):
