@@ -221,9 +221,8 @@ class BridgeLoad(NamedTuple):
     share: Annotated[np.ndarray, f8("components, components")]  # Σ B Bᵀ μ Σ c²
     rest_mass: Annotated[np.ndarray, f8("components, components")]  # Σ B Bᵀ μ (L/3 − Σ c²)
     tension: Annotated[np.ndarray, f8("components, components")]  # Σ B Bᵀ T/L
-    own: Annotated[
-        np.ndarray, f8("2, components, components, RESPONSE")
-    ]  # Σ B Bᵀ of their own; lines apart, lines looked at
+    # Σ B Bᵀ of EndResponses.own; lines apart, lines looked at
+    own: Annotated[np.ndarray, f8("2, components, components, RESPONSE")]
     moving: Annotated[np.ndarray, f8("components, components")]  # of all lines, at the end of the kick's own frame
     drag: Annotated[np.ndarray, f8("components, components")]  # A
     inverse: Annotated[np.ndarray, f8("components, components")]  # (I + Γ A/H)⁻¹

@@ -99,7 +99,7 @@ class Grip(NamedTuple):
 
     weights: Annotated[np.ndarray, f8("modes")]  # mode shapes averaged over its width
     coupling: Annotated[np.ndarray, f8("contacts")]  # S diag(k) weightsᵀ, of one step
-    own: Annotated[np.ndarray, f8("1, RESPONSE")]  # of its own row, as those in `ContactTables.lags`
+    own: Annotated[np.ndarray, f8("1, RESPONSE")]  # of its own row, as those in `StringModel.lags`
     contacts: Annotated[np.ndarray, f8("contacts, RESPONSE")]
     outputs: Annotated[np.ndarray, f8("outputs, RESPONSE")]
     far: Annotated[np.ndarray, f8("contacts")]  # bound on the displacement of a contact at any later time
