@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.author.browser.running import Author, Page, chromium, copy_preset, why_not
+from tests.author.browser.running import Author, Page, chromium, copy_preset, name_of, why_not
 from tests.patience import COMPILING_QUIET_S, until
 
 
@@ -32,6 +32,23 @@ def author(tmp_path_factory):
     """A server for all tests of a module, of which each has a file of its own."""
     with Author(tmp_path_factory.mktemp("presets")) as author:
         yield author
+
+
+@pytest.fixture
+def mine(author, request):
+    """A file of the test's own in the folder of the module's server: the module's PRESET, else a tanpura."""
+    path = author.folder / f"{name_of(request)}.toml"
+    copy_preset(getattr(request.module, "PRESET", "tanpura-light"), path)
+    return path
+
+
+@pytest.fixture
+def page_of_mine(driver, author, mine):
+    """The page with that file open."""
+    page = Page(driver)
+    page.open(f"{author.address}#{author.open(mine.name).key}")
+    yield page
+    page.open_nothing()
 
 
 @pytest.fixture

@@ -7,27 +7,17 @@ import pytest
 import soundfile
 
 from synth.instrument.preset import load_preset
-from tests.author.browser.running import Author, Page, copy_preset, name_of
+from tests.author.browser.running import Author, Page, copy_preset
 from tests.author.serverkit import ROOT
 
+PRESET = "fretted-bass"
 RATE_HZ = 44100
 NOTE_HZ, INHARMONICITY, PLUCKED_AT = 110.0, 2e-4, 0.21
 
 
 @pytest.fixture
-def mine(author, request):
-    """A bass of the test's own, in the folder of the server that all share."""
-    path = author.folder / f"{name_of(request)}.toml"
-    copy_preset("fretted-bass", path)
-    return path
-
-
-@pytest.fixture
-def page(driver, author, mine):
-    page = Page(driver)
-    page.open(f"{author.address}#{author.open(mine.name).key}")
-    yield page
-    page.open_nothing()
+def page(page_of_mine):
+    return page_of_mine
 
 
 def plucked(seconds=4.0, note_hz=NOTE_HZ, noise=1e-4):

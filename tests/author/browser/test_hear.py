@@ -8,26 +8,15 @@ import soundfile
 from selenium.webdriver.common.keys import Keys
 
 from tests.author.browser.listening import FRAMES, LISTEN, RATE_HZ, heard, is_beginning_of, rendered, silence
-from tests.author.browser.running import Page, copy_preset, name_of, set_value
+from tests.author.browser.running import set_value
 
 HEARD_S = 1.0
 
 
 @pytest.fixture
-def mine(author, request):
-    """A tanpura of the test's own, in the folder of the server that all share."""
-    path = author.folder / f"{name_of(request)}.toml"
-    copy_preset("tanpura-light", path)
-    return path
-
-
-@pytest.fixture
-def page(driver, author, mine):
-    page = Page(driver)
-    page.open(f"{author.address}#{author.open(mine.name).key}")
-    page.script(LISTEN)
-    yield page
-    page.open_nothing()
+def page(page_of_mine):
+    page_of_mine.script(LISTEN)
+    return page_of_mine
 
 
 def test_note_is_what_render_writes(page, mine, tmp_path):

@@ -4,18 +4,16 @@ import pytest
 from selenium.webdriver.common.keys import Keys
 
 from synth.instrument.preset import load_preset
-from tests.author.browser.running import Page, copy_preset, name_of, set_value, state
+from tests.author.browser.running import Page, copy_preset, set_value, state
 
 
 @pytest.fixture
-def page(driver, author, request):
+def page(driver, author, mine):
     """A page with a tanpura of the test's own."""
-    name = name_of(request)
-    copy_preset("tanpura-light", author.folder / f"{name}.toml")
     page = Page(driver)
     driver.set_window_size(1280, 900)
     page.open(author.address)
-    page.choose(name)
+    page.choose(mine.stem)
     page.errors()
     yield page
     # media features and sizes are those of one test
@@ -99,11 +97,10 @@ def test_undo_and_redo_by_button_and_keys(page):
     assert page.errors() == []
 
 
-def test_keys_wait_for_the_edit_before_them(page, author, request):
+def test_keys_wait_for_the_edit_before_them(page, mine):
     """Enter, and at once Ctrl-Z or Ctrl-S: the edit is undone, or saved."""
     field = page.field("pluck.width_mm")
     typed = (Keys.CONTROL, "a", Keys.NULL, "9", Keys.ENTER, Keys.CONTROL)
-    file = author.folder / f"{name_of(request)}.toml"
     for _ in range(5):
         before = state(page)["revision"]
         field.send_keys(*typed, "z")
@@ -111,9 +108,9 @@ def test_keys_wait_for_the_edit_before_them(page, author, request):
         assert state(page)["can_redo"] and not state(page)["dirty"]
         page.until(lambda: value_of(page, "pluck.width_mm") == "18")
     field.send_keys(*typed, "s")
-    page.until(lambda: load_preset(str(file)).pluck.width_mm == 9)
+    page.until(lambda: load_preset(str(mine)).pluck.width_mm == 9)
     field.send_keys(Keys.CONTROL, "a", Keys.NULL, "8", Keys.CONTROL, "s")  # without Enter
-    page.until(lambda: load_preset(str(file)).pluck.width_mm == 8)
+    page.until(lambda: load_preset(str(mine)).pluck.width_mm == 8)
     page.until(lambda: not state(page)["dirty"])
     assert page.errors() == []
 
