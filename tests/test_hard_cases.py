@@ -572,7 +572,7 @@ CLAMPED = {
 
 def rounded_forces(case, result):
     """ε G λ² over the energy: what a step makes of forces' rounding, 1e-16 of each (`schemes.clamping_warning`)."""
-    g = scene_of(case).model.string.matrix.diagonal()
+    g = scene_of(case).model.string.contacts.matrix.diagonal()
     return EPS * float((g * result.contact_force.max(axis=0) ** 2).max()) / max(had(result).max(), SMALLEST)
 
 

@@ -428,7 +428,7 @@ def _check(core: int, thread: int, s: int) -> None:
     q, v = string.q[:n], string.v[:n]
     rest_state(core, thread, s, scratch.modes.q)
     voice.level = constants.output_bound * _energy_norm(plain.omega[:n], q, v, scratch.modes.q[:n])
-    if model.points == model.on_q:
+    if model.outputs.points == model.outputs.on_q:
         voice.level += abs(motion.base - motion.rest)
     if voice.level < SLEEP_BELOW and not fixed.of_first and may_sleep(core, s):
         sleep(core, s)
@@ -447,14 +447,14 @@ def _check(core: int, thread: int, s: int) -> None:
         if may and string.counts[FREE]:
             _take_off(core, thread, s)
         return
-    if string.counts[FREE] == 0 and model.eta.size == 1 and _is_in_reach(core, s):
+    if string.counts[FREE] == 0 and model.contacts.size == 1 and _is_in_reach(core, s):
         return  # touched again and again, and all modes with it
     omega, sigma = model.omega[:n], scratch.modes.sigma[:n]
     fill_sigma(core, thread, s, n)
     amplitude = scratch.modes.amplitude
     if not string.counts[FREE]:  # what is certain to be out of reach stays so until something touches the string
         string.counts[FREE] = 1 if _nothing_in_reach(core, thread, s) else 0
-        if string.counts[FREE] == 0 and model.eta.size == 1:
+        if string.counts[FREE] == 0 and model.contacts.size == 1:
             return  # touched again and again, and all modes with it
     free = string.counts[FREE]
     peak = math.sqrt(2.0 / constants.length)  # of a mode shape
@@ -462,7 +462,7 @@ def _check(core: int, thread: int, s: int) -> None:
     while n > 1:
         j = n - 1
         amplitudes(omega[j:n], sigma[j:n], q[j:n], v[j:n], amplitude)
-        heard = abs(model.weights[0, j]) + abs(model.weights[1, j]) * omega[j]
+        heard = abs(model.outputs.weights[0, j]) + abs(model.outputs.weights[1, j]) * omega[j]
         if heard * amplitude[0] >= PRUNE_BELOW or (free == 0 and peak * amplitude[0] >= PRUNE_WITHIN_M):
             break
         moved = moved or q[j] != 0.0 or v[j] != 0.0
@@ -512,10 +512,10 @@ def _has_too_little_energy(core: int, thread: int, s: int) -> bool:
     board = shared_of(core).board_at[hand.model]
     if board != 0:
         return clear_by_energy(board, twice / constants.tension)
-    for k in range(model.eta.size):
+    for k in range(model.contacts.size):
         compliance = 0.0
         for j in range(n):
-            compliance += (model.shapes[k, j] / omega[j]) ** 2
+            compliance += (model.contacts.shapes[k, j] / omega[j]) ** 2
         if string.eta[k] >= 0.0 or string.force[k] > 0.0 or twice * compliance / model.mu >= 0.99 * string.eta[k] ** 2:
             return False
     return True
@@ -530,14 +530,14 @@ def _is_in_reach(core: int, s: int) -> bool:
         return False
     if string.eta[0] >= 0.0 or string.force[0] > 0.0:
         return True
-    return least_reach(model.shapes[0], string.q[: string.counts[MOVING]]) >= -string.eta[0]
+    return least_reach(model.contacts.shapes[0], string.q[: string.counts[MOVING]]) >= -string.eta[0]
 
 
 @njit(**CORE)
 def _nothing_in_reach(core: int, thread: int, s: int) -> bool:
     """Whether free flight, with Scratch.modes.sigma, touches no contact any more."""
     scratch, string, model = scratch_of(thread), string_of(core, s), model_of(core, s)
-    n, contacts = string.counts[MOVING], model.eta.size
+    n, contacts = string.counts[MOVING], model.contacts.size
     board = shared_of(core).board_at[hand_of(core, s).model]
     if board != 0:
         amplitudes(model.omega[:n], scratch.modes.sigma[:n], string.q[:n], string.v[:n], scratch.modes.amplitude[:n])
@@ -549,6 +549,6 @@ def _nothing_in_reach(core: int, thread: int, s: int) -> bool:
     if contacts:
         amplitudes(model.omega[:n], scratch.modes.sigma[:n], string.q[:n], string.v[:n], amplitude)
     for k in range(contacts):
-        if reach(model.shapes[k], amplitude) >= -0.999 * string.eta[k]:
+        if reach(model.contacts.shapes[k], amplitude) >= -0.999 * string.eta[k]:
             return False
     return True

@@ -52,7 +52,7 @@ from synth.solver.lanes import padded
 from synth.solver.laws import EXACT_HOLD, coefficients, law_of
 from synth.solver.layers import static_forces, static_matrix
 from synth.solver.lcp import SOLVED
-from synth.solver.single import keeps_losses
+from synth.solver.single import SingleTables, keeps_losses
 from synth.solver.stringmodel import (
     Coefficients,
     Scratch,
@@ -359,7 +359,7 @@ class _Lists:
         frame, mu = 1.0 / self.rate_hz, position.mu
         omega, sigma = position.omega[:audible], position.sigma[:audible]
         heard = padded(audible)
-        weights = model.weights[:, :heard] * response(self.rate_hz, factor, model.omega[:heard] / (2.0 * math.pi))
+        weights = model.outputs.weights[:, :heard] * response(self.rate_hz, factor, model.omega[:heard] / (2.0 * math.pi))
         coef = coefficients(EXACT_HOLD, omega, sigma, mu, frame)
         return make_string(
             EXACT_HOLD,
@@ -367,8 +367,8 @@ class _Lists:
             StringModes(mu, omega, sigma),
             coef,
             no_contacts(audible),
-            StringOutputs(weights[:, :audible], on_q=1, used=(model.first, model.points, model.on_q)),
-            single=bool(model.single),
+            StringOutputs(weights[:, :audible], on_q=1, used=model.outputs[:3]),
+            single=bool(model.single.on),
         )
 
     def _audible(self, omega: np.ndarray) -> int:
@@ -579,7 +579,7 @@ class Strings:
         for s in range(built.bank.strings.size):
             mine = np.flatnonzero(string_of_model == s)
             own = [models[m] for m in mine]
-            most = (max(model.modes for model in own), max(model.eta.size for model in own))
+            most = (max(model.modes for model in own), max(model.contacts.size for model in own))
             heard = max(built.flights[m].rows.shape[1] for m in mine)
             sizes.append(state_sizes(*most, OUTPUTS) | {"heard": heard})
         self.states = Pool(StringState, sizes)
@@ -620,15 +620,30 @@ class Strings:
 
 def _with_its_own(model: StringModel, own: Coefficients) -> StringModel:
     """A model with coefficients of the string's own in the place of its own."""
-    shapes = {name: getattr(model, name).shape for name in own._fields if name != "flight_rows"}
-    taken = {name: getattr(own, name)[: math.prod(shape)].reshape(shape) for name, shape in shapes.items()}
-    return model._replace(**taken, single_rows=model.single_rows[:, :0])  # made in each call from those of its own
+    contacts, outputs = model.contacts, model.outputs
+    matrix, lags = _as(contacts.matrix, own.matrix), _as(contacts.lags, own.lags)
+    return model._replace(
+        omega=_as(model.omega, own.omega),
+        rows=_as(model.rows, own.rows),
+        contacts=contacts._replace(matrix=matrix, lags=lags),
+        outputs=outputs._replace(lags=_as(outputs.lags, own.out_lags)),
+        single=_without_rows(model.single),
+    )
 
 
 def _flight_of_its_own(flight: StringModel, own: Coefficients) -> StringModel:
     """A string's flight with coefficients of its own."""
-    rows = own.flight_rows[: flight.rows.size].reshape(flight.rows.shape)
-    return flight._replace(rows=rows, single_rows=flight.single_rows[:, :0])
+    return flight._replace(rows=_as(flight.rows, own.flight_rows), single=_without_rows(flight.single))
+
+
+def _as(array: np.ndarray, own: np.ndarray) -> np.ndarray:
+    """The numbers of a string's own that stand in the place of an array."""
+    return own[: array.size].reshape(array.shape)
+
+
+def _without_rows(single: SingleTables) -> SingleTables:
+    """With rows that are made in each call, from those of the string's own."""
+    return single._replace(rows=single.rows[:, :0])
 
 
 def new_shared(bank: Bank, span: int, entries: tuple[int, int, int, int, int], strings: Strings) -> tuple[Shared, SpanWork]:

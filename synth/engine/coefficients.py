@@ -63,8 +63,8 @@ def _set_heights(core: int, s: int) -> None:
     """Heights of the string's contacts, raised as they now are."""
     hand, expression, string = hand_of(core, s), expression_of(core, s), string_of(core, s)
     model = string_model(shared_of(core).model_at[hand.model, PLAIN])
-    for k in range(model.eta.size):
-        string.eta[k] = model.eta[k] + expression.height
+    for k in range(model.contacts.size):
+        string.eta[k] = model.contacts.eta[k] + expression.height
 
 
 @njit(**CORE)
@@ -90,7 +90,7 @@ def alter_steps(core: int, thread: int, s: int) -> None:
     scratch = scratch_of(thread)
     hand, expression = hand_of(core, s), expression_of(core, s)
     plain, own = string_model(shared_of(core).model_at[hand.model, PLAIN]), model_of(core, s)
-    n, c, cap, dt, omega = plain.modes, plain.eta.size, plain.omega.size, plain.dt, own.omega
+    n, c, cap, dt, omega = plain.modes, plain.contacts.size, plain.omega.size, plain.dt, own.omega
     _bend(core, s, n)
     bend_ratio = 2.0 ** (expression.bend / 12.0)
     for j in range(n):
@@ -99,16 +99,17 @@ def alter_steps(core: int, thread: int, s: int) -> None:
     fill_step(model_address(core, s), scratch.modes.sigma)
     if c == 0:
         return
-    rows, matrix = own.rows, own.matrix
+    rows, matrix = own.rows, own.contacts.matrix
     if plain.law == EXACT_HOLD and c > 1:
         put_off_rows(model_address(core, s), shared_of(core).string_at[s], relief)
         return
     fill_contact_matrix(model_address(core, s), relief)
     q, v, spare = scratch.modes.q[:cap], scratch.modes.v[:cap], scratch.rows.spare
-    fill_lags(0 if plain.law == EXACT_HOLD else 1, rows, plain.shapes, plain.shapes, matrix, q, v, spare, own.lags)
+    shapes, outputs = plain.contacts.shapes, plain.outputs
+    fill_lags(0 if plain.law == EXACT_HOLD else 1, rows, shapes, shapes, matrix, q, v, spare, own.contacts.lags)
     none = matrix.reshape(-1)[:0].reshape(0, 0)
-    for k in range(plain.first, plain.first + plain.points):  # output 0 is on displacements, 1 on velocities
-        fill_lags(k, rows, plain.shapes, plain.weights[k : k + 1], none, q, v, spare, own.out_lags[k : k + 1])
+    for k in range(outputs.first, outputs.first + outputs.points):  # output 0 is on displacements, 1 on velocities
+        fill_lags(k, rows, shapes, outputs.weights[k : k + 1], none, q, v, spare, own.outputs.lags[k : k + 1])
 
 
 @njit(**CORE)
@@ -163,11 +164,11 @@ def set_rest(core: int, thread: int, s: int) -> None:
     motion.rest = model.line_output + model.rest_output
     if model.contacts == 1:
         plain = string_model(shared_of(core).model_at[hand.model, PLAIN])
-        height = max(0.0, plain.eta[0] + expression.height)
+        height = max(0.0, plain.contacts.eta[0] + expression.height)
         motion.lift = height / model.static_response
         if model.layered:  # it gives way first
-            yielding = model.static_response + 1.0 / plain.layers[STIFFNESS, 0]
-            motion.lift = max(height / yielding, (height - plain.layers[DEPTH, 0]) / model.static_response)
+            yielding = model.static_response + 1.0 / plain.contacts.layers[STIFFNESS, 0]
+            motion.lift = max(height / yielding, (height - plain.contacts.layers[DEPTH, 0]) / model.static_response)
         motion.rest = model.line_output + motion.lift * model.lift_output
     elif model.settling > 0:
         _rest_on_points(core, thread, s)
@@ -181,8 +182,8 @@ def _press(core: int, thread: int, s: int) -> None:
     model = bank.models[hand.model]
     rows = model.settling
     matrix = bank.settled[model.settled : model.settled + rows * rows].reshape(rows, rows)
-    if settle(matrix, plain.eta, expression.height, plain.layers, thread) != SOLVED:
-        scratch_of(thread).z[: plain.eta.size] = 0.0
+    if settle(matrix, plain.contacts, expression.height, thread) != SOLVED:
+        scratch_of(thread).z[: plain.contacts.size] = 0.0
 
 
 @njit(**CORE)
@@ -193,7 +194,7 @@ def _rest_on_points(core: int, thread: int, s: int) -> None:
     model, force = bank.models[hand.model], scratch_of(thread).z
     _press(core, thread, s)
     heard = 0.0
-    for c in range(plain.eta.size):
+    for c in range(plain.contacts.size):
         if force[c] > 0.0:
             motion.lift += force[c] * bank.leverage[model.leverage + c] / bank.leverage[model.leverage]
             if model.lift_output != 0.0:
@@ -206,7 +207,7 @@ def _lift_output(plain, c: int) -> float:
     """Output of the state at rest under 1 N at contact c."""
     total = 0.0
     for j in range(plain.modes):
-        total += plain.weights[0, j] * plain.shapes[c, j] / (plain.mu * plain.omega[j] * plain.omega[j])
+        total += plain.outputs.weights[0, j] * plain.contacts.shapes[c, j] / (plain.mu * plain.omega[j] * plain.omega[j])
     return total
 
 
@@ -220,17 +221,17 @@ def rest_state(core: int, thread: int, s: int, q_rest) -> None:
         force = scratch_of(thread).z
         for j in range(model.modes):
             total = 0.0
-            for c in range(model.eta.size):
-                total += model.shapes[c, j] * force[c]
+            for c in range(model.contacts.size):
+                total += model.contacts.shapes[c, j] * force[c]
             q_rest[j] = total / (model.mu * model.omega[j] * model.omega[j])
         return
-    lifted = model.eta.size == 1
+    lifted = model.contacts.size == 1
     for j in range(model.modes):
         q_rest[j] = 0.0 if lifted else model.q_rest[j]
     if lifted and motion.lift != 0.0:
         for j in range(model.modes):
             w = model.omega[j]
-            q_rest[j] = model.shapes[0, j] * motion.lift / (model.mu * w * w)
+            q_rest[j] = model.contacts.shapes[0, j] * motion.lift / (model.mu * w * w)
 
 
 @njit(**CORE)

@@ -364,7 +364,7 @@ class Engine(Uncopied):
     @property
     def has_single(self) -> bool:
         """Whether any of its strings has its modes in float32: not those over boards, and where `precision` says so."""
-        alone = any(model.single for model in self._strings.models)
+        alone = any(model.single.on for model in self._strings.models)
         return alone or any(each.single for each in self._strings.bridges.couplings)
 
     def reset(self, seed: int | None = None) -> None:

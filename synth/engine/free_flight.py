@@ -95,7 +95,7 @@ def _keep_fade(core: int, thread: int, s: int, sign: float) -> None:
     for direct in range(2):
         factor = 1 if direct else fixed.factor
         model = flight_of(core, s) if direct else model_of(core, s)
-        points = model.points
+        points = model.outputs.points
         n = min(moving, bank.models[hand.model].audible) if direct else moving
         kept = stream.direct_fade[s] if direct else stream.fade[fixed.fade : fixed.fade + FADE * factor]
         left = max(0, motion.fade_to - motion.fade_at) * factor
@@ -112,9 +112,9 @@ def _keep_fade(core: int, thread: int, s: int, sign: float) -> None:
         base = motion.base
         steps = QUANTUM * factor
         out = scratch.out[: points * steps].reshape(points, steps)
-        weights = model.weights[model.first : model.first + points]
+        weights = model.outputs.weights[model.outputs.first : model.outputs.first + points]
         for at in range(0, FADE * factor, steps):
-            fly_blocks(steps // BLOCK, padded(n), model.rows, q, v, weights, model.on_q, out)
+            fly_blocks(steps // BLOCK, padded(n), model.rows, q, v, weights, model.outputs.on_q, out)
             base = collect(core, thread, s, steps, factor, base, row)
             for k in range(steps):
                 w = 0.5 + 0.5 * math.cos(math.pi * (at + k + 1) / (FADE * factor))
@@ -128,7 +128,7 @@ def fly(core: int, thread: int, s: int, start: int, frames: int) -> None:
     """`frames` frames of a string in flight from frame `start` of the span, into its direct row."""
     scratch, string, model = scratch_of(thread), string_of(core, s), flight_of(core, s)
     hand, stroke, motion, tally = hand_of(core, s), stroke_of(core, s), motion_of(core, s), tally_of(core, s)
-    n, points = string.counts[MOVING], model.points
+    n, points = string.counts[MOVING], model.outputs.points
     out = scratch.out[: points * frames].reshape(points, frames)
     blocks = frames // BLOCK
     rest = frames - blocks * BLOCK
@@ -142,10 +142,10 @@ def fly(core: int, thread: int, s: int, start: int, frames: int) -> None:
     else:
         fly_modes(flight_address(core, s), thread, string.q, string.v, n, blocks, out)
     if rest > 0:
-        begin = blocks * BLOCK
+        begin, heard = blocks * BLOCK, model.outputs
         advance_free(
-            rest, model.rows, string.q[:n], string.v[:n], model.weights[0], model.weights[1], model.on_q,
-            points - model.on_q, out[0, begin:], out[points - 1, begin:],
+            rest, model.rows, string.q[:n], string.v[:n], heard.weights[0], heard.weights[1], heard.on_q,
+            points - heard.on_q, out[0, begin:], out[points - 1, begin:],
         )  # fmt: skip
     tally.mode_steps += n * frames
     motion.base = collect(core, thread, s, frames, 1, motion.base, direct_row(core, s, start, frames))

@@ -89,7 +89,7 @@ def stop_on_board(core: int, thread: int, s: int) -> None:
     _lay(address, speaking, expression.height)
     for k in range(2):
         for j in range(n):
-            board.weights[k, j] = plain.weights[k, j]
+            board.weights[k, j] = plain.outputs.weights[k, j]
     if expression.bend != 0.0:
         _listen(address, speaking, n)
     for j in range(n):

@@ -106,7 +106,7 @@ def take_off_pressed(core: int, thread: int, s: int) -> bool:
             return False
         scratch.modes.q[k], scratch.modes.v[k] = z, moves
     plain = string_model(shared_of(core).model_at[hand.model, PLAIN])
-    weights = plain.weights[0, : bank_of(core).models[hand.model].audible]
+    weights = plain.outputs.weights[0, : bank_of(core).models[hand.model].audible]
     if _left_out(weights, plain.omega, modes, scratch.modes.q[:m], scratch.modes.v[:m], away, rate) > LEFT_OUT_BELOW:
         return False
     for j in range(string.q.size):

@@ -155,7 +155,7 @@ def _join(core: int, thread: int, s: int, model_index: int) -> None:
 def _forget_forces(core: int, s: int) -> None:
     """A law of its own is not told the forces of another model's contacts; the kernels' laws only begin to look there."""
     model = string_model(shared_of(core).model_at[hand_of(core, s).model, PLAIN])
-    if model.step != 0 or model.layers.shape[1] != 0:
+    if model.step != 0 or model.contacts.layers.shape[1] != 0:
         string_of(core, s).force[:] = 0.0
 
 

@@ -175,9 +175,9 @@ def _falls_asleep(core: int, thread: int, i: int) -> bool:
             scratch.modes.q[:n] = 0.0
         end = end_at(shared_of(core).end_at[s])
         felt = end.counts[FELT_MODES]
-        voice.level = _level(plain.weights[0], plain.omega, string.q, string.v, scratch.modes.q, 0, min(n, felt))
+        voice.level = _level(plain.outputs.weights[0], plain.omega, string.q, string.v, scratch.modes.q, 0, min(n, felt))
         if n > felt:
-            above = _level(plain.weights[0], plain.omega, string.q, string.v, scratch.modes.q, felt, n)
+            above = _level(plain.outputs.weights[0], plain.omega, string.q, string.v, scratch.modes.q, felt, n)
             voice.level += above
             apart = end.counts[ENGAGED] == 0 and hand.phase == NO_FINGER and end.counts[REACH_OF] == hand.model + 1
             if above < REST_BELOW and apart and motion.lift == 0.0:
@@ -223,7 +223,7 @@ def _certify_lines(core: int, thread: int, i: int) -> None:
             changed = True
         elif end.counts[ENGAGED] == 0 and end.numbers[LEAST] > CLEAR_ENOUGH * end.numbers[SPENT]:
             continue
-        elif model_of(core, s).eta.size > 0:
+        elif model_of(core, s).contacts.size > 0:
             near = certify_line(shared.coupling_at[i], line, thread)
             engaged = 1 if near > 0 or is_held(hand_of(core, s)) else 0
             if engaged != end.counts[ENGAGED]:

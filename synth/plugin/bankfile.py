@@ -42,7 +42,7 @@ from synth.instrument.preset import Preset
 from synth.jit.entries import entered
 from synth.jit.kernel_sources import sources_id
 from synth.jit.prebuilt import name_of
-from synth.native.arrays import arrays_of, fields, values
+from synth.native.arrays import arrays_of, values
 from synth.plugin import library, recipe
 from synth.plugin.addresses import CONSTANT, CORE, THREAD, TO_FUNCTION, Memory, pointers, word_of
 from synth.plugin.description import DescribedPreset, curve_of, describe
@@ -432,9 +432,8 @@ def add_engine(memory: Memory, inside: EngineMemory) -> tuple[int, int]:
     for array in bank:
         memory.add(CONSTANT, array)
     for model in (*strings.models, *inside.built.flights):
-        for name, field in fields(StringModel).items():
-            if field.shape:
-                memory.add(CONSTANT, getattr(model, name))
+        for array in arrays_of(model).values():
+            memory.add(CONSTANT, array)
     for name in ("chains", "numbers", "counts"):
         memory.add(CONSTANT, getattr(effects, name))
     for placed in inside.chains.placed:

@@ -77,7 +77,7 @@ _LONG = [(first, count) for first in range(8) for count in range(1, 9 - first)]
 _LEVEL_BITS, _LUMPED_BITS = 12, 28
 _NEAR = 2.0**-24
 #: tables that `level` sets to the formula
-_SUMS = ("matrix", "lags", "weights", "single_rows", "single_shapes", "single_weights")
+_SUMS = ("contacts.matrix", "contacts.lags", "outputs.weights", "single.rows", "single.shapes", "single.weights")
 #: bytes that a hole in the rest must have
 _LEAST_HOLE = 64
 
@@ -265,9 +265,9 @@ class _Leveller:
             return _rounded(held, _LEVEL_BITS)
         if guess is None:
             return _rounded_up(held)
-        if name == "out_lags":  # of levels nobody asks what forces do to them
+        if name == "outputs.lags":  # of levels nobody asks what forces do to them
             return guess
-        if name == "shapes":
+        if name == "contacts.shapes":
             return np.where(guess == 0.0, _rounded(held, _LUMPED_BITS), held)
         if name not in _SUMS:
             return held
@@ -347,16 +347,16 @@ def extents(model: np.ndarray) -> dict[str, int]:
     return {
         "omega": n,
         "sigma": n,
-        "residual": 8 * c * c,
-        "shapes": c * n,
+        "contacts.residual": 8 * c * c,
+        "contacts.shapes": c * n,
         "rows": ROWS * n,
-        "weights": 2 * n,
-        "matrix": 8 * c * c,
-        "lags": 16 * BLOCK * lagged * lagged,
-        "out_lags": 32 * BLOCK * lagged,
-        "single_rows": ROWS * singles,
-        "single_shapes": c * singles,
-        "single_weights": 2 * singles,
+        "outputs.weights": 2 * n,
+        "contacts.matrix": 8 * c * c,
+        "contacts.lags": 16 * BLOCK * lagged * lagged,
+        "outputs.lags": 32 * BLOCK * lagged,
+        "single.rows": ROWS * singles,
+        "single.shapes": c * singles,
+        "single.weights": 2 * singles,
     }
 
 
@@ -415,33 +415,35 @@ def _walk(models: Models, image: np.ndarray, coder: _Coder) -> Iterator[int]:
         makes = {name for k, name in enumerate(TABLES) if m["makes"] >> k & 1}
         _frequencies(models, row, makes, coder)
         n, c = m["size"], m["contacts"]
-        if "residual" in makes:
-            _symmetric(KINDS.index("residual"), row.table("residual", (c, c)), None, coder)
-        if "shapes" in makes:
+        if "contacts.residual" in makes:
+            _symmetric(KINDS.index("contacts.residual"), row.table("contacts.residual", (c, c)), None, coder)
+        if "contacts.shapes" in makes:
             _shapes(models, row, place, coder)
             place += c
         if "rows" in makes:
             _rows(row, coder)
-        if "weights" in makes:
+        if "outputs.weights" in makes:
             _weights(models, row, coder)
-        if "matrix" in makes:
+        if "contacts.matrix" in makes:
             guess = np.zeros((c, c))
             gain = row.table("rows", (ROWS, n))[5 if m["velocity"] else 4]
-            predicted.contact_matrix(gain, row.table("shapes", (c, n)), row.table("residual", (c, c)), guess)
-            _symmetric(KINDS.index("matrix"), row.table("matrix", (c, c)), guess, coder)
-        if "lags" in makes:
+            predicted.contact_matrix(
+                gain, row.table("contacts.shapes", (c, n)), row.table("contacts.residual", (c, c)), guess
+            )
+            _symmetric(KINDS.index("contacts.matrix"), row.table("contacts.matrix", (c, c)), guess, coder)
+        if "contacts.lags" in makes:
             _lags(row, coder)
-        if "out_lags" in makes:
+        if "outputs.lags" in makes:
             _out_lags(row, coder)
         for name, source, rows in (
-            ("single_rows", "rows", ROWS),
-            ("single_shapes", "shapes", c),
-            ("single_weights", "weights", 2),
+            ("single.rows", "rows", ROWS),
+            ("single.shapes", "contacts.shapes", c),
+            ("single.weights", "outputs.weights", 2),
         ):
             if name in makes:
                 held, guess = row.table(name, (rows, m["singles"]), np.float32), np.zeros((rows, m["singles"]))
                 guess[:, :n] = row.table(source, (rows, n))
-                if name == "single_rows":
+                if name == "single.rows":
                     guess[[8, 11], :n] -= 1.0
                     guess[[8, 11], n:] = 0.0
                 held[...] = coder(KINDS.index(name), held, guess, 0)
@@ -472,11 +474,11 @@ def _symmetric(kind: int, held: np.ndarray, guess: np.ndarray | None, coder: _Co
 
 def _shapes(models: Models, row: _Row, place: int, coder: _Coder) -> None:
     m = row.m
-    held, guess = row.table("shapes", (m["contacts"], m["size"])), np.zeros((m["contacts"], m["size"]))
+    held, guess = row.table("contacts.shapes", (m["contacts"], m["size"])), np.zeros((m["contacts"], m["size"]))
     length = models.strings[m["string"], STRING.index("length_m")]
     for c in range(m["contacts"]):
         predicted.shape(models.places[place + c], length, m["own"], guess[c])
-    held[...] = coder(KINDS.index("shapes"), held, guess, 0)
+    held[...] = coder(KINDS.index("contacts.shapes"), held, guess, 0)
 
 
 def _rows(row: _Row, coder: _Coder) -> None:
@@ -495,40 +497,40 @@ def _rows(row: _Row, coder: _Coder) -> None:
 
 def _weights(models: Models, row: _Row, coder: _Coder) -> None:
     m, number = row.m, row.number
-    held, guess = row.table("weights", (2, m["size"])), np.zeros((2, m["size"]))
+    held, guess = row.table("outputs.weights", (2, m["size"])), np.zeros((2, m["size"]))
     if m["weighing"] == HEARD:
         length = models.strings[m["string"], STRING.index("length_m")]
         for k, gain in enumerate(("gain_q", "gain_v")):
             predicted.heard(number["place"], length, number["half"], number[gain], m["own"], guess[k])
     elif m["weighing"] == FILTERED:
-        at, size = (int(models.models[m["base"], MODEL.index(name)]) for name in ("weights", "size"))
+        at, size = (int(models.models[m["base"], MODEL.index(name)]) for name in ("outputs.weights", "size"))
         base = row.image[at : at + 16 * size].view(np.float64).reshape(2, size)
         taps = models.taps[m["first_tap"] : m["first_tap"] + m["taps"]]
         omega = row.table("omega", (m["size"],))
         predicted.filtered(omega, base, taps, number["rate"], guess)
     for k in range(2):
         smooth = m["weighing"] == SMOOTH
-        held[k] = coder(KINDS.index("weights"), held[k], None if smooth else guess[k], 3 if smooth else 0)
+        held[k] = coder(KINDS.index("outputs.weights"), held[k], None if smooth else guess[k], 3 if smooth else 0)
 
 
 def _lags(row: _Row, coder: _Coder) -> None:
     m, c = row.m, row.m["lagged"]
-    held, guess = row.table("lags", (c, c, 2 * BLOCK)), np.zeros((c, c, 2 * BLOCK))
-    shapes = row.table("shapes", (c, m["size"]))
+    held, guess = row.table("contacts.lags", (c, c, 2 * BLOCK)), np.zeros((c, c, 2 * BLOCK))
+    shapes = row.table("contacts.shapes", (c, m["size"]))
     predicted.lags(m["velocity"], row.table("rows", (ROWS, m["size"])), shapes, shapes, 1, guess)
     lower = np.tril_indices(c)
-    numbers = coder(KINDS.index("lags"), held[lower][:, BLOCK + 1 :], guess[lower][:, BLOCK + 1 :], 0)
+    numbers = coder(KINDS.index("contacts.lags"), held[lower][:, BLOCK + 1 :], guess[lower][:, BLOCK + 1 :], 0)
     whole = np.zeros((len(lower[0]), 2 * BLOCK))
-    whole[:, BLOCK], whole[:, BLOCK + 1 :] = row.table("matrix", (c, c))[lower], numbers
+    whole[:, BLOCK], whole[:, BLOCK + 1 :] = row.table("contacts.matrix", (c, c))[lower], numbers
     held[lower] = whole
     held[lower[1], lower[0]] = whole
 
 
 def _out_lags(row: _Row, coder: _Coder) -> None:
     m, c = row.m, row.m["lagged"]
-    held, guess = row.table("out_lags", (2, c, 2 * BLOCK)), np.zeros((2, c, 2 * BLOCK))
-    weights, shapes = row.table("weights", (2, m["size"])), row.table("shapes", (c, m["size"]))
+    held, guess = row.table("outputs.lags", (2, c, 2 * BLOCK)), np.zeros((2, c, 2 * BLOCK))
+    weights, shapes = row.table("outputs.weights", (2, m["size"])), row.table("contacts.shapes", (c, m["size"]))
     rows = row.table("rows", (ROWS, m["size"]))
     for k in range(2):
         predicted.lags(int(k >= m["on_q"]), rows, shapes, weights[k : k + 1], 0, guess[k : k + 1])
-    held[:, :, BLOCK:] = coder(KINDS.index("out_lags"), held[:, :, BLOCK:], guess[:, :, BLOCK:], 0)
+    held[:, :, BLOCK:] = coder(KINDS.index("outputs.lags"), held[:, :, BLOCK:], guess[:, :, BLOCK:], 0)

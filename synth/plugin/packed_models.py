@@ -16,6 +16,7 @@ from synth.dsp.decimator import design
 from synth.engine.engine import Engine
 from synth.instrument.compile import CompiledString, Position, output_distance, string_across
 from synth.instrument.preset import Preset
+from synth.native.arrays import arrays_of
 from synth.physics.string import String
 from synth.plugin.bankfile import Laid
 from synth.plugin.predicted import heard
@@ -26,16 +27,16 @@ from synth.solver.stringmodel import StringModel
 TABLES = (
     "omega",
     "sigma",
-    "residual",
-    "shapes",
+    "contacts.residual",
+    "contacts.shapes",
     "rows",
-    "weights",
-    "matrix",
-    "lags",
-    "out_lags",
-    "single_rows",
-    "single_shapes",
-    "single_weights",
+    "outputs.weights",
+    "contacts.matrix",
+    "contacts.lags",
+    "outputs.lags",
+    "single.rows",
+    "single.shapes",
+    "single.weights",
 )
 #: how weights follow: not at all, from a mode's shape (`predicted.heard`), from those of another model through the filter of
 #: its bus, smoothly from one to the next
@@ -155,10 +156,10 @@ class _Lists:
             "modes": model.modes,
             "own": min(position.own, model.modes),
             "size": model.omega.size,
-            "contacts": model.shapes.shape[0],
-            "lagged": model.lags.shape[0],
-            "singles": model.single_rows.shape[1],
-            "on_q": model.on_q,
+            "contacts": model.contacts.size,
+            "lagged": model.contacts.lags.shape[0],
+            "singles": model.single.rows.shape[1],
+            "on_q": model.outputs.on_q,
             "velocity": int(model.law != EXACT_HOLD),
             "base": max(0, len(self._models) - 1) if base is None else base,
         }
@@ -169,15 +170,16 @@ class _Lists:
             ratio, loss = 2.0 ** (across.detuning_cents / 1200.0), across.loss_ratio
         row["string"] = self._strings.setdefault(string, len(self._strings))
         numbers = dict.fromkeys(NUMBERS, 0.0) | {"mu": model.mu, "dt": model.dt, "ratio": ratio, "loss": loss}
+        arrays = arrays_of(model)
         for k, name in enumerate(TABLES):
-            array = getattr(model, name)
+            array = arrays[name]
             if not array.nbytes:
                 continue
             row[name] = place(array)
-            if row[name] not in self._made and _fits(model, name):
+            if row[name] not in self._made and _fits(name, arrays):
                 self._made.add(row[name])
                 row["makes"] |= 1 << k
-        if row["makes"] & 1 << TABLES.index("shapes"):
+        if row["makes"] & 1 << TABLES.index("contacts.shapes"):
             self._places.append(position.places_m)
         if base is not None:
             row["weighing"] = FILTERED
@@ -209,16 +211,16 @@ def _places_of(engine: Engine) -> Iterator[_Place]:
                     yield _Place(part.preset, string, position, across, part.body is not None)
 
 
-def _fits(model: StringModel, name: str) -> bool:
+def _fits(name: str, arrays: dict[str, np.ndarray]) -> bool:
     """Whether a table is of the form that it is made in: symmetric, zero where it is left out."""
-    array = getattr(model, name)
-    if name in ("matrix", "residual"):
+    array = arrays[name]
+    if name in ("contacts.matrix", "contacts.residual"):
         return _same(array, array.T)
-    if name == "lags":
+    if name == "contacts.lags":
         half = array.shape[2] // 2
-        symmetric = _same(array, array.transpose(1, 0, 2)) and _same(array[:, :, half], model.matrix)
+        symmetric = _same(array, array.transpose(1, 0, 2)) and _same(array[:, :, half], arrays["contacts.matrix"])
         return symmetric and not array[:, :, :half].view(np.uint8).any()
-    return name != "out_lags" or not array[:, :, : array.shape[2] // 2].any()
+    return name != "outputs.lags" or not array[:, :, : array.shape[2] // 2].any()
 
 
 def _same(one: np.ndarray, other: np.ndarray) -> bool:
@@ -235,7 +237,7 @@ def _hearing(where: _Place, model: StringModel) -> dict[str, float]:
     plain = np.zeros(own)
     heard(place, string.length_m, half, 1.0, own, plain)
     gains = []
-    for row in model.weights[:, :own]:
+    for row in model.outputs.weights[:, :own]:
         loud = int(np.argmax(np.abs(plain)))
         gain = float(row[loud] / plain[loud]) if plain[loud] else 0.0
         near = [gain, math.nextafter(gain, math.inf), math.nextafter(gain, -math.inf)]

@@ -108,22 +108,22 @@ def fly_modes(model: int, scratch: int, q, v, modes: int, blocks: int, out) -> N
     """`fly_blocks` with a model's outputs in use, of which it has at most one of each kind; the first `modes` of q, v (≥N,)
     are not zero."""
     m = string_model(model)
-    if not m.single:
-        fly_blocks(blocks, padded(modes), m.rows, q, v, m.weights[m.first : m.first + m.points], m.on_q, out)
+    first, behind, on_q = m.outputs.first, m.outputs.first + m.outputs.points, m.outputs.on_q
+    if not m.single.on:
+        fly_blocks(blocks, padded(modes), m.rows, q, v, m.outputs.weights[first:behind], on_q, out)
         return
     w = scratch_of(scratch)
     n = padded_single(modes)
     single_q, single_v = w.single.q[:n], w.single.v[:n]
     take(q, v, modes, single_q, single_v)
-    weights = m.single_weights[m.first : m.first + m.points]
-    fly_blocks(blocks, n, _single_rows(m, w, modes), single_q, single_v, weights, m.on_q, out)
+    fly_blocks(blocks, n, _single_rows(m, w, modes), single_q, single_v, m.single.weights[first:behind], on_q, out)
     give_back(single_q, single_v, modes, q, v)
 
 
 @njit(inline="always")
 def _single_rows(m, w, modes: int):
     """(ROWS, padded_single(N)) float32 of a model: its own, or, of so many modes, made in the Scratch where it has none."""
-    if m.single_rows.shape[1] == 0:
+    if m.single.rows.shape[1] == 0:
         fill_single_rows(m.rows, min(modes, m.rows.shape[1]), in_rows(w.single.rows, ROWS, padded_single(m.modes)))
     return _rows_in_use(m, w)
 
@@ -131,8 +131,8 @@ def _single_rows(m, w, modes: int):
 @njit(inline="always")
 def _rows_in_use(m, w):
     """Rows of float32 of a model that `_single_rows` has been asked for."""
-    if m.single_rows.shape[1] > 0:
-        return m.single_rows
+    if m.single.rows.shape[1] > 0:
+        return m.single.rows
     return in_rows(w.single.rows, ROWS, padded_single(m.modes))
 
 
@@ -175,7 +175,7 @@ def press_two(
 def _begin_press(model: int, state: int, scratch: int) -> None:
     """Modes that are float32 go into Scratch."""
     m, s, w = string_model(model), string_state(state), scratch_of(scratch)
-    if m.single:
+    if m.single.on:
         n = padded_single(m.modes)
         take(s.q, s.v, m.modes, w.single.q[:n], w.single.v[:n])
         _single_rows(m, w, m.modes)
@@ -186,11 +186,11 @@ def _pass_modes(model: int, state: int, scratch: int, at: int, stride: int, befo
     """Modes go through what the block before has left (`before`); the free displacements of the contact over the next one go
     into Scratch.rows.spare[0], the free outputs into their rows from step `at` on."""
     m, s, w = string_model(model), string_state(state), scratch_of(scratch)
-    if m.single:
-        rows, shape, weights = _rows_in_use(m, w), m.single_shapes[0], m.single_weights
+    if m.single.on:
+        rows, shape, weights = _rows_in_use(m, w), m.single.shapes[0], m.single.weights
         _pass_of(before, at, stride, rows.shape[1], rows, w.single.q, w.single.v, shape, weights, m, w)
     else:
-        _pass_of(before, at, stride, m.rows.shape[1], m.rows, s.q, s.v, m.shapes[0], m.weights, m, w)
+        _pass_of(before, at, stride, m.rows.shape[1], m.rows, s.q, s.v, m.contacts.shapes[0], m.outputs.weights, m, w)
 
 
 @njit(inline="always")
@@ -198,7 +198,7 @@ def _pass_of(before: int, at: int, stride: int, n: int, rows, q, v, shape, all_w
     """The same with the modes q, v (≥n,) and what they are multiplied with: rows (ROWS, n), shape (n,) of the contact,
     all_weights (·, n)."""
     u, forces = w.rows.spare[0], w.record[max(0, at - BLOCK) :]
-    if m.points == 0:
+    if m.outputs.points == 0:
         if before == _NOTHING:
             project_q(n, rows, q, v, shape, u)
         elif before == _FLIGHT:
@@ -206,8 +206,8 @@ def _pass_of(before: int, at: int, stride: int, n: int, rows, q, v, shape, all_w
         else:
             drive_q(n, rows, q, v, shape, forces, shape, u)
         return
-    weights, out = all_weights[m.first], w.out[at:]
-    if m.on_q:
+    weights, out = all_weights[m.outputs.first], w.out[at:]
+    if m.outputs.on_q:
         if before == _NOTHING:
             project_qq(n, rows, q, v, shape, weights, u, out)
         elif before == _FLIGHT:
@@ -220,8 +220,8 @@ def _pass_of(before: int, at: int, stride: int, n: int, rows, q, v, shape, all_w
         coast_qv(n, rows, q, v, shape, weights, u, out)
     else:
         drive_qv(n, rows, q, v, shape, forces, shape, weights, u, out)
-    if m.points > 1:
-        project_v(n, rows, q, v, all_weights[m.first + 1], w.out[stride + at :])
+    if m.outputs.points > 1:
+        project_v(n, rows, q, v, all_weights[m.outputs.first + 1], w.out[stride + at :])
 
 
 @njit(**INNER)
@@ -229,12 +229,12 @@ def _solve_block(model: int, state: int, scratch: int, at: int, stride: int) -> 
     """Forces of the block from step `at` on into Scratch.record, and what they add to the outputs; what the modes have to
     go through of it."""
     m, s, w = string_model(model), string_state(state), scratch_of(scratch)
-    u, forces, lags = w.rows.spare[0], w.record[at:], m.lags[0, 0]
+    u, forces, lags = w.rows.spare[0], w.record[at:], m.contacts.lags[0, 0]
     after = _FLIGHT
     if any_below(u, s.eta[0]):
         press_sequence(u, s.eta[0], lags, forces)
-        for p in range(m.points):
-            add_forced(w.out[p * stride + at :], m.out_lags[m.first + p, 0], forces)
+        for p in range(m.outputs.points):
+            add_forced(w.out[p * stride + at :], m.outputs.lags[m.outputs.first + p, 0], forces)
         after = _FORCES
     else:
         for k in range(BLOCK):
@@ -253,13 +253,13 @@ def _end_press(model: int, state: int, scratch: int, steps: int, before: int) ->
     """After so many steps modes go through what the last block has left, and back into the state."""
     m, s, w = string_model(model), string_state(state), scratch_of(scratch)
     forces = w.record[max(0, steps - BLOCK) :]
-    if m.single:
+    if m.single.on:
         n = padded_single(m.modes)
         q, v = w.single.q[:n], w.single.v[:n]
-        _leave(before, n, _rows_in_use(m, w), q, v, m.single_shapes[0], forces)
+        _leave(before, n, _rows_in_use(m, w), q, v, m.single.shapes[0], forces)
         give_back(q, v, m.modes, s.q, s.v)
     else:
-        _leave(before, m.rows.shape[1], m.rows, s.q, s.v, m.shapes[0], forces)
+        _leave(before, m.rows.shape[1], m.rows, s.q, s.v, m.contacts.shapes[0], forces)
     if before != _NOTHING:
         s.force[0] = forces[BLOCK - 1]
 
@@ -299,15 +299,15 @@ def advance_blocks(model: int, state: int, scratch: int, blocks: int, stride: in
     from outside), and then there is no contact_u.
     """
     m, s = string_model(model), string_state(state)
-    if not m.single:
-        moving = padded(s.counts[MOVING])
-        return _advance(model, state, scratch, blocks, stride, moving, m.rows, m.shapes, m.weights, s.q, s.v)
+    if not m.single.on:
+        moving, shapes, weights = padded(s.counts[MOVING]), m.contacts.shapes, m.outputs.weights
+        return _advance(model, state, scratch, blocks, stride, moving, m.rows, shapes, weights, s.q, s.v)
     w = scratch_of(scratch)
     n = padded_single(m.modes)
     q, v = w.single.q[:n], w.single.v[:n]
     take(s.q, s.v, m.modes, q, v)
     moving, rows = padded_single(s.counts[MOVING]), _single_rows(m, w, m.modes)
-    result = _advance(model, state, scratch, blocks, stride, moving, rows, m.single_shapes, m.single_weights, q, v)
+    result = _advance(model, state, scratch, blocks, stride, moving, rows, m.single.shapes, m.single.weights, q, v)
     give_back(q, v, m.modes, s.q, s.v)
     return result
 
@@ -319,9 +319,9 @@ def _advance(
     """The same with the modes q, v (n,), of which `moving` may not be zero, and what they are multiplied with: rows
     (ROWS, n), shapes (C, n), weights (P, n)."""
     m, s, w = string_model(model), string_state(state), scratch_of(scratch)
-    law, n, points, contacts = m.law, rows.shape[1], m.points, shapes.shape[0]
-    lags, eta = m.lags, s.eta
-    weights = all_weights[m.first : m.first + points]
+    law, n, points, contacts = m.law, rows.shape[1], m.outputs.points, shapes.shape[0]
+    lags, eta = m.contacts.lags, s.eta
+    weights = all_weights[m.outputs.first : m.outputs.first + points]
     out = w.out[: points * stride].reshape(points, stride)
     record, watched = w.record, w.contact_u.size > 0
     hold = law == EXACT_HOLD
@@ -337,7 +337,7 @@ def _advance(
             for c in range(contacts):
                 looked[c], s.certificates.until[c], s.certificates.renewed[c] = 1, 0, -1
         if points > 0:
-            observe(moving, rows, q, v, weights, m.on_q, out[:, at:])
+            observe(moving, rows, q, v, weights, m.outputs.on_q, out[:, at:])
         for i in range(at * contacts, (at + BLOCK) * contacts):
             record[i] = 0.0
         status = SOLVED

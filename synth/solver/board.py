@@ -148,8 +148,8 @@ def _hear(model: int, state: int, weights, out, t: int) -> None:
     """out (points, ≥t + 1): the outputs in use of the string as it is, at t."""
     m, s = string_model(model), string_state(state)
     n = m.rows.shape[1]
-    for p in range(m.points):
-        out[p, t] = dot(weights[p], s.q[:n]) if p < m.on_q else dot(weights[p], s.v[:n])
+    for p in range(m.outputs.points):
+        out[p, t] = dot(weights[p], s.q[:n]) if p < m.outputs.on_q else dot(weights[p], s.v[:n])
 
 
 @njit(cache=True, nogil=True)
@@ -158,10 +158,10 @@ def _one_by_one(model: int, state: int, scratch: int, board: int, begin: int, st
     lies clear, and the second is taken back where the first does not."""
     m, s, w, b = string_model(model), string_state(state), scratch_of(scratch), board_at(board)
     room = room_of(board)
-    n, points, end = m.rows.shape[1], m.points, begin + steps
+    n, points, end = m.rows.shape[1], m.outputs.points, begin + steps
     q, v, finger = s.q[:n], s.v[:n], s.finger[0]
     out = w.out[: points * stride].reshape(points, stride)
-    weights = b.weights[m.first : m.first + points]
+    weights = b.weights[m.outputs.first : m.outputs.first + points]
     s.counts[MOVING] = m.modes
     t, clear = begin, True
     while t < end:
@@ -228,7 +228,7 @@ def _block(model: int, state: int, scratch: int, board: int, at: int, stride: in
     """One block from step `at` on, of a string that no finger holds. False: it touches, and nothing is done."""
     m, s, w, b = string_model(model), string_state(state), scratch_of(scratch), board_at(board)
     room = room_of(board)
-    n, points = padded(s.counts[MOVING]), m.points
+    n, points = padded(s.counts[MOVING]), m.outputs.points
     rows, q, v, before = m.rows, s.q, s.v, room.before
     if b.counts[HOLDING] > 0:
         return False
@@ -251,9 +251,9 @@ def _block(model: int, state: int, scratch: int, board: int, at: int, stride: in
 @njit(inline="always")
 def _observe(n: int, m, b, room, before, out, at: int) -> None:
     """Outputs of the free flight of a block from `before`."""
-    if m.points == 2:
+    if m.outputs.points == 2:
         project_qv(n, m.rows, before[0], before[1], b.weights[0], b.weights[1], out[0, at:], out[1, at:])
-    elif m.on_q == 1:
+    elif m.outputs.on_q == 1:
         project_q(n, m.rows, before[0], before[1], b.weights[0], out[0, at:])
     else:
         _observe_v(n, m.rows, before[0], before[1], b.weights[1], room.row, out[0, at:])
@@ -269,7 +269,7 @@ def _block_under_finger(model: int, state: int, scratch: int, board: int, at: in
     """`_block` of a string that a finger holds along Scratch.path."""
     m, s, w, b = string_model(model), string_state(state), scratch_of(scratch), board_at(board)
     room = room_of(board)
-    n, dt, points, rows, q, v, before = m.rows.shape[1], m.dt, m.points, m.rows, s.q, s.v, room.before
+    n, dt, points, rows, q, v, before = m.rows.shape[1], m.dt, m.outputs.points, m.rows, s.q, s.v, room.before
     if b.counts[HOLDING] > 0:
         return False
     finger, touch, own = s.finger[0], s.grip.weights[:n], s.grip.own[0]
@@ -304,7 +304,7 @@ def _block_under_finger(model: int, state: int, scratch: int, board: int, at: in
     out = w.out[: points * stride].reshape(points, stride)
     _observe(n, m, b, room, before, out, at)
     for p in range(points):
-        add_forced(out[p, at:], s.grip.outputs[m.first + p], pushes)
+        add_forced(out[p, at:], s.grip.outputs[m.outputs.first + p], pushes)
     finger.here = true[BLOCK - 1]
     finger.push = pushes[BLOCK - 1]
     s.counts[MOVING] = m.modes
@@ -319,17 +319,17 @@ def advance_on_board(model: int, state: int, scratch: int, board: int, steps: in
     Scratch.path. Board.eta, weights, slack and numbers are those of the string's model.
     """
     m, s, w, b = string_model(model), string_state(state), scratch_of(scratch), board_at(board)
-    blocks, points = steps // BLOCK, m.points
+    blocks, points = steps // BLOCK, m.outputs.points
     out = w.out[: points * steps].reshape(points, steps)
     fingered = s.finger[0].on != 0
     if not fingered and s.counts[FREE] != 0:
         n = padded(s.counts[MOVING])
-        weights = b.weights[m.first : m.first + points]
-        fly_blocks(blocks, n, m.rows, s.q, s.v, weights, m.on_q, out)
+        weights = b.weights[m.outputs.first : m.outputs.first + points]
+        fly_blocks(blocks, n, m.rows, s.q, s.v, weights, m.outputs.on_q, out)
         for t in range(blocks * BLOCK, steps):
             fly(m.rows, s.q[:n], s.v[:n])
             for p in range(points):
-                out[p, t] = dot(weights[p, :n], s.q[:n]) if p < m.on_q else dot(weights[p, :n], s.v[:n])
+                out[p, t] = dot(weights[p, :n], s.q[:n]) if p < m.outputs.on_q else dot(weights[p, :n], s.v[:n])
         return SOLVED
     for t in range(blocks):
         at = t * BLOCK

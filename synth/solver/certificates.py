@@ -83,7 +83,7 @@ def certify(model: int, state: int, scratch: int, q, v) -> None:
     force acts. The horizons τ are `HORIZONS` steps.
     """
     m, s, w = string_model(model), string_state(state), scratch_of(scratch)
-    contacts = m.shapes.shape[0]
+    contacts = m.contacts.size
     held = s.certificates
     until, renewed, margin, bounds, eta = held.until, held.renewed, held.margin, held.bounds, s.eta
     now = s.counts[CLOCK]
@@ -110,7 +110,7 @@ def certify(model: int, state: int, scratch: int, q, v) -> None:
     for c in range(contacts):
         if until[c] > now:
             continue
-        shape = m.shapes[c]
+        shape = m.contacts.shapes[c]
         here = 0.0
         if renewed[c] < 0:
             deepest, by_long, by_short = 0.0, 0.0, 0.0

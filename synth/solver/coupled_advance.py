@@ -60,7 +60,7 @@ def _frame(study: int, number: int) -> None:
         for j in range(m.modes):
             was.q[line, j] = s.q[j]
             was.v[line, j] = s.v[j]
-        for k in range(m.shapes.shape[0]):
+        for k in range(m.contacts.size):
             was.force[t.first[line] + k] = s.force[k]
     for k in range(c.body.motion.p.size):
         was.body[0, k], was.body[1, k] = c.body.motion.p[k], c.body.motion.speed[k]
@@ -107,7 +107,7 @@ def _move(study: int, number: int) -> None:
         pull = 0.5 * e.numbers[TENSION] * (before + after)
         for i in range(COMPONENTS):
             c.bridge.held[0, i] -= c.lines.direction[line, i] * pull
-        for k in range(m.shapes.shape[0]):
+        for k in range(m.contacts.size):
             at = t.first[line] + k
             was.eta[at] = s.eta[k]
             wanted = t.target[number, at]
@@ -147,13 +147,13 @@ def write_row(study: int) -> None:
     share = 1.0 / r.counts[PHASE] if r.counts[PHASE] else 1.0
     for line in range(c.lines.end.size):
         e, s, m = end_at(c.lines.end[line]), string_state(c.lines.state[line]), string_model(c.lines.model[line])
-        for k in range(m.shapes.shape[0]):
+        for k in range(m.contacts.size):
             at = t.first[line] + k
             total = e.leverage[k] * along(c, line, c.bridge.beta) + f.leverage[at] * f.height[line]
             for j in range(m.modes):
-                total += m.shapes[k, j] * s.q[j]
-            for o in range(m.shapes.shape[0]):
-                total += m.residual[k, o] * s.force[o]
+                total += m.contacts.shapes[k, j] * s.q[j]
+            for o in range(m.contacts.size):
+                total += m.contacts.residual[k, o] * s.force[o]
             r.u_contact[row, at] = total
             r.contact_force[row, at] = t.mean_force[at] * share
             t.mean_force[at] = 0.0

@@ -78,9 +78,9 @@ def weigh_now(study: int) -> float:
         now[STRINGS] += 0.5 * m.mu * total
         drawn = along(c, line, c.bridge.beta) - f.height[line]
         now[SPRINGS] += 0.5 * e.numbers[TENSION] * drawn * drawn
-        for k in range(m.shapes.shape[0]):
-            for i in range(m.shapes.shape[0]):
-                now[RESIDUAL] += 0.5 * s.force[k] * m.residual[k, i] * s.force[i]
+        for k in range(m.contacts.size):
+            for i in range(m.contacts.size):
+                now[RESIDUAL] += 0.5 * s.force[k] * m.contacts.residual[k, i] * s.force[i]
     for i in range(c.bridge.rest.size):
         for k in range(c.bridge.rest.size):
             now[LEFT_OUT] += 0.5 * c.bridge.rest[i] * c.load.rest_mass[i, k] * c.bridge.rest[k]
@@ -104,7 +104,7 @@ def weigh_frame(study: int) -> bool:
     strings, contact, finger_work, obstacle_work, far_work = 0.0, 0.0, 0.0, 0.0, 0.0
     for line in range(c.lines.end.size):
         e, s, m = end_at(c.lines.end[line]), string_state(c.lines.state[line]), string_model(c.lines.model[line])
-        contacts, n, steps = m.shapes.shape[0], m.modes, c.lines.steps[line]
+        contacts, n, steps = m.contacts.size, m.modes, c.lines.steps[line]
         fingered = s.finger[0].on != 0
         if not ledger and contacts == 0:
             continue
@@ -126,7 +126,7 @@ def weigh_frame(study: int) -> bool:
             for k in range(contacts):
                 deep = s.eta[k] - e.leverage[k] * (b + new * frame)
                 for j in range(n):
-                    deep -= m.shapes[k, j] * s.q[j]
+                    deep -= m.contacts.shapes[k, j] * s.q[j]
                 sums[PENETRATION] = max(sums[PENETRATION], deep)
         else:
             held = 0.0
@@ -136,7 +136,7 @@ def weigh_frame(study: int) -> bool:
             for k in range(contacts):
                 total = 0.0
                 for j in range(n):
-                    total += m.shapes[k, j] * q[j]
+                    total += m.contacts.shapes[k, j] * q[j]
                 was.way[k] = total
             rise = (f.height[line] - far) / steps
             climb = new * frame / steps
@@ -147,7 +147,7 @@ def weigh_frame(study: int) -> bool:
                     force = was.acting[at]
                     total = 0.0
                     for j in range(n):
-                        total += m.shapes[k, j] * q[j]
+                        total += m.contacts.shapes[k, j] * q[j]
                     moved = total - was.way[k]
                     was.way[k] = total
                     raised = s.eta[k] - was.eta[at] if i == 0 else 0.0
@@ -157,8 +157,8 @@ def weigh_frame(study: int) -> bool:
                     pushed += f.leverage[at] * force / steps
                     given, missing = 0.0, 0.0
                     for o in range(contacts):
-                        given += m.residual[k, o] * was.acting[t.first[line] + o]
-                        missing += m.residual[k, o] * was.force[t.first[line] + o]
+                        given += m.contacts.residual[k, o] * was.acting[t.first[line] + o]
+                        missing += m.contacts.residual[k, o] * was.force[t.first[line] + o]
                     contact -= 0.5 * (force * given - was.force[at] * missing)
                     deep = s.eta[k] - total - e.leverage[k] * (b + climb * (i + 1)) - given
                     sums[PENETRATION] = max(sums[PENETRATION], deep)
@@ -241,7 +241,7 @@ def _balance(now, sums) -> float:
 def _step(t, was, c, line: int, i: int, q, v) -> None:
     """Step i of the frame over the modes of a line that was looked at, with its forces; FrameBefore.acting has them."""
     e, s, m = end_at(c.lines.end[line]), string_state(c.lines.state[line]), string_model(c.lines.model[line])
-    rows, contacts = m.rows, m.shapes.shape[0]
+    rows, contacts = m.rows, m.contacts.size
     first = t.first[line]
     for k in range(contacts):
         was.acting[first + k] = 0.0
@@ -251,7 +251,7 @@ def _step(t, was, c, line: int, i: int, q, v) -> None:
     for j in range(m.modes):
         f = 0.0
         for k in range(contacts):
-            f += m.shapes[k, j] * was.acting[first + k]
+            f += m.contacts.shapes[k, j] * was.acting[first + k]
         if fingered:
             f += s.grip.weights[j] * e.block.forces[contacts, i]
         a = rows[P11, j] * q[j] + rows[P12, j] * v[j] + rows[4, j] * f

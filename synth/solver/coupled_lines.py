@@ -213,7 +213,7 @@ class CoupledLines:
     def let_go(self, k: int) -> None:
         """The finger leaves line k."""
         self.states[k].finger[0]["on"] = 0
-        self.ends[k].counts[coupling.ENGAGED] = int(self.models[k].eta.size > 0)
+        self.ends[k].counts[coupling.ENGAGED] = int(self.models[k].contacts.size > 0)
         self.gather()
 
     def place(self, p: np.ndarray, p_speed: np.ndarray) -> None:

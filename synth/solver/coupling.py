@@ -406,15 +406,15 @@ def energy_of(coupling: int) -> float:
             w = m.omega[j] * s.q[j]
             total += 0.5 * m.mu * (y * y + w * w)
         total += 0.5 * e.numbers[TENSION] * b * b
-        for k in range(m.shapes.shape[0]):
-            for i in range(m.shapes.shape[0]):
-                total += 0.5 * s.force[k] * m.residual[k, i] * s.force[i]
-        for k in range(m.layers.shape[1]):
-            sunk = s.eta[k] - e.leverage[k] * b - dot(m.shapes[k, : m.modes], s.q[: m.modes])
-            for i in range(m.shapes.shape[0]):
-                sunk -= m.residual[k, i] * s.force[i]
-            sunk = min(m.layers[DEPTH, k], max(0.0, sunk))
-            total += 0.5 * m.layers[STIFFNESS, k] * sunk * sunk
+        for k in range(m.contacts.size):
+            for i in range(m.contacts.size):
+                total += 0.5 * s.force[k] * m.contacts.residual[k, i] * s.force[i]
+        for k in range(m.contacts.layers.shape[1]):
+            sunk = s.eta[k] - e.leverage[k] * b - dot(m.contacts.shapes[k, : m.modes], s.q[: m.modes])
+            for i in range(m.contacts.size):
+                sunk -= m.contacts.residual[k, i] * s.force[i]
+            sunk = min(m.contacts.layers[DEPTH, k], max(0.0, sunk))
+            total += 0.5 * m.contacts.layers[STIFFNESS, k] * sunk * sunk
     for i in range(d):
         total -= c.bridge.held[0, i] * c.bridge.beta[i]
         for k in range(d):

@@ -35,6 +35,7 @@ from synth.solver.stringmodel import (
     make_scratch,
     make_state,
     make_string,
+    with_outputs,
 )
 from synth.solver.study import (
     BAD_STEPS as BAD_STEPS,
@@ -130,17 +131,16 @@ class Model:
     @cached_property
     def tables(self) -> dict[str, np.ndarray]:
         """What kernels open: steps with every output, without any, parts of them, and those over an obstacle that moves."""
-        quiet: dict[str, Any] = {"first": 0, "points": 0, "on_q": 0}
         contacts = self.under.eta.size
         certified = int(self.string.law == EXACT_HOLD and contacts >= CERTIFY_FROM)
-        in_blocks = self.part if contacts == 1 else self.string
-        whole = table(self.string._replace(**quiet))
+        string, part = (with_outputs(each, 0, 0, 0) for each in (self.string, self.part))
+        whole = table(string)
         return {
-            "watched": table(in_blocks),
-            "apart": table(in_blocks._replace(certified=certified, **quiet)),
+            "watched": table(self.part if contacts == 1 else self.string),
+            "apart": table((part if contacts == 1 else string)._replace(certified=certified)),
             "whole": whole,
-            "part": whole if self.part is self.string else table(self.part._replace(**quiet)),
-            "lifted": table(self.string._replace(restitution=1.0, **quiet)),
+            "part": whole if self.part is self.string else table(part),
+            "lifted": table(string._replace(restitution=1.0)),
         }
 
     def but(self, **changed: Any) -> Model:
@@ -265,8 +265,8 @@ def static_contact(model: Model, q: np.ndarray) -> tuple[np.ndarray, np.ndarray,
     z = np.zeros(contacts)
     if not np.any(b < 0.0):
         return q.copy(), z, SOLVED
-    if model.string.layers.shape[1]:
-        z, status = static_forces(a, b, model.string.layers)
+    if model.string.contacts.layers.shape[1]:
+        z, status = static_forces(a, b, model.string.contacts.layers)
         return q + compliance * (z @ shapes), z, status
     active, factor, order = np.zeros(contacts, np.uint8), np.zeros((contacts, contacts)), np.zeros(contacts, np.int64)
     status = solve(a, b, np.ones(contacts, np.uint8), active, z, factor, order)
@@ -288,7 +288,7 @@ def start_run(model: Model, q, v, force, steps_per_output: int, outputs: int, le
     state.v_contact[:] = shapes @ v
     state.force[:] = force
     records = np.zeros((steps_per_output, contacts))
-    room = contacts * (2 if string.layers.shape[1] else 1)
+    room = contacts * (2 if string.contacts.layers.shape[1] else 1)
     stepping = make_scratch(room, n, 0, 1)._replace(record=records.reshape(-1))
     watching = make_scratch(room, n, points, BLOCKS * BLOCK, watched=BLOCKS * BLOCK)
     sizes = {"rows": outputs, "contact_rows": outputs, "points": points, "contacts": contacts}

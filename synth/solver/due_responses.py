@@ -4,7 +4,7 @@ What bends or damps a string gives it coefficients of its own, and all its respo
 that is bent or damped press nothing until it is bent again. StringState.due says which contacts still wait. An entry
 depends on the coefficients alone, not on when it is filled: it is what `responses.fill_lags` would have put there.
 
-The response at l = 0, StringModel.matrix, is what asks which contacts press needs: of two or more at a time. A string on a
+The response at l = 0, ContactTables.matrix, is what asks which contacts press needs: of two or more at a time. A string on a
 shared body has all of it from the start (`put_off`); of others each row waits until its contact is asked beside another
 (`put_off_rows`), and the diagonal alone is there.
 """
@@ -40,23 +40,23 @@ def fill_contact_matrix(model: int, relief: float) -> None:
     """All of the matrix of a model with contacts whose rows are there; relief: share of the residual compliance, which goes
     with 1/T, that a bend has added."""
     m = string_model(model)
-    contacts = m.shapes.shape[0]
-    contact_matrix(m.law, m.rows, m.shapes, m.residual, m.matrix)
+    under = m.contacts
+    contact_matrix(m.law, m.rows, under.shapes, under.residual, under.matrix)
     if m.law == EXACT_HOLD:
-        for a in range(contacts):
-            for b in range(contacts):
-                m.matrix[a, b] += relief * m.residual[a, b]
+        for a in range(under.size):
+            for b in range(under.size):
+                under.matrix[a, b] += relief * under.residual[a, b]
 
 
 @njit(cache=True, nogil=True)
 def put_off(model: int, state: int) -> None:
     """All responses to contacts of a model whose rows and matrix are there are to be filled when they are needed."""
-    m, s = string_model(model), string_state(state)
-    contacts = m.lags.shape[0]
+    under, s = string_model(model).contacts, string_state(state)
+    contacts = under.lags.shape[0]
     for c in range(contacts):
         s.due[c] = RESPONSES_DUE
         for d in range(contacts):
-            m.lags[c, d, BLOCK] = m.matrix[c, d]
+            under.lags[c, d, BLOCK] = under.matrix[c, d]
 
 
 @njit(fastmath=FAST, **INNER)
@@ -73,33 +73,34 @@ def put_off_rows(model: int, state: int, relief: float) -> None:
     """`put_off` of an exact-hold model of which only the rows of coefficients are there: its matrix waits, too, but for the
     diagonal. Below that stands what relief adds to a pair's entry."""
     m, s = string_model(model), string_state(state)
-    for c in range(m.shapes.shape[0]):
+    under = m.contacts
+    for c in range(under.size):
         s.due[c] = ROW_DUE
         for d in range(c):
-            m.matrix[c, d] = relief * m.residual[c, d]
-        shape = m.shapes[c]
-        entry = _moved(m.rows[KQ], shape, shape) + m.residual[c, c]
-        m.matrix[c, c] = entry + relief * m.residual[c, c]
-        m.lags[c, c, BLOCK] = m.matrix[c, c]
+            under.matrix[c, d] = relief * under.residual[c, d]
+        entry = _moved(m.rows[KQ], under.shapes[c], under.shapes[c]) + under.residual[c, c]
+        under.matrix[c, c] = entry + relief * under.residual[c, c]
+        under.lags[c, c, BLOCK] = under.matrix[c, c]
 
 
 @njit(cache=True, nogil=True)
 def fill_row(model: int, state: int, c: int) -> None:
     """The row and column of contact c in the matrix and, at l = 0, in the responses, of which they have waited."""
     m, s = string_model(model), string_state(state)
-    for d in range(m.shapes.shape[0]):
+    under = m.contacts
+    for d in range(under.size):
         if d != c and s.due[d] == ROW_DUE:
             a, b = max(c, d), min(c, d)
-            entry = _moved(m.rows[KQ], m.shapes[a], m.shapes[b]) + m.residual[a, b] + m.matrix[a, b]
-            m.matrix[a, b] = m.matrix[b, a] = entry
-            m.lags[a, b, BLOCK] = m.lags[b, a, BLOCK] = entry
+            entry = _moved(m.rows[KQ], under.shapes[a], under.shapes[b]) + under.residual[a, b] + under.matrix[a, b]
+            under.matrix[a, b] = under.matrix[b, a] = entry
+            under.lags[a, b, BLOCK] = under.lags[b, a, BLOCK] = entry
     s.due[c] = RESPONSES_DUE
 
 
 @njit(cache=True, nogil=True)
 def fill_all_rows(model: int, state: int) -> None:
     """The whole matrix, for what goes step by step."""
-    for c in range(string_model(model).shapes.shape[0]):
+    for c in range(string_model(model).contacts.size):
         if string_state(state).due[c] == ROW_DUE:
             fill_row(model, state, c)
 
@@ -108,16 +109,16 @@ def fill_all_rows(model: int, state: int) -> None:
 def _strike(m, c: int, q, v) -> None:
     """q, v (n,) after a unit force at a contact."""
     for j in range(m.rows.shape[1]):
-        q[j] = m.rows[KQ, j] * m.shapes[c, j]
-        v[j] = m.rows[KV, j] * m.shapes[c, j]
+        q[j] = m.rows[KQ, j] * m.contacts.shapes[c, j]
+        v[j] = m.rows[KV, j] * m.contacts.shapes[c, j]
 
 
 @njit(**INNER)
-def _mirror(m, c: int, d: int) -> None:
+def _mirror(under, c: int, d: int) -> None:
     """lags of d by c, where c is at most d, have been filled: both are mutual."""
-    m.lags[d, c, BLOCK] = m.matrix[d, c]
+    under.lags[d, c, BLOCK] = under.matrix[d, c]
     for k in range(2 * BLOCK):
-        m.lags[c, d, k] = m.lags[d, c, k]
+        under.lags[c, d, k] = under.lags[d, c, k]
 
 
 @njit(cache=True, nogil=True)
@@ -127,7 +128,7 @@ def fill_due(model: int, state: int, scratch: int, c: int) -> None:
     Works in Scratch.modes.q, v and moved.
     """
     m, s, w = string_model(model), string_state(state), scratch_of(scratch)
-    n, contacts = m.rows.shape[1], m.shapes.shape[0]
+    n, under, outputs = m.rows.shape[1], m.contacts, m.outputs
     q, v, spare = w.modes.q[:n], w.modes.v[:n], w.modes.moved.reshape(-1)[: 2 * BLOCK].reshape(2, BLOCK)
     velocity = 0 if m.law == EXACT_HOLD else 1
     if s.due[c] == ROW_DUE:
@@ -136,15 +137,15 @@ def fill_due(model: int, state: int, scratch: int, c: int) -> None:
     for d in range(c):  # an earlier contact's force moves this one as this one's would move that
         if s.due[d]:
             _strike(m, d, q, v)
-            fill_response(velocity, m.rows, q, v, m.shapes[c : c + 1], zero, spare, m.lags[c : c + 1, d])
-            _mirror(m, d, c)
+            fill_response(velocity, m.rows, q, v, under.shapes[c : c + 1], zero, spare, under.lags[c : c + 1, d])
+            _mirror(under, d, c)
     _strike(m, c, q, v)
-    fill_response(velocity, m.rows, q, v, m.shapes, c, spare, m.lags[:, c])
-    for d in range(c, contacts):
-        _mirror(m, c, d)
-    for p in range(m.first, m.first + m.points):
-        on_v = one if p >= m.first + m.on_q else zero
-        fill_response(on_v, m.rows, q, v, m.weights[p : p + 1], zero, spare, m.out_lags[p : p + 1, c])
+    fill_response(velocity, m.rows, q, v, under.shapes, c, spare, under.lags[:, c])
+    for d in range(c, under.size):
+        _mirror(under, c, d)
+    for p in range(outputs.first, outputs.first + outputs.points):
+        on_v = one if p >= outputs.first + outputs.on_q else zero
+        fill_response(on_v, m.rows, q, v, outputs.weights[p : p + 1], zero, spare, outputs.lags[p : p + 1, c])
     s.due[c] = READY
 
 

@@ -38,7 +38,7 @@ def note_matrix(model: int, end: int) -> None:
     same = e.block.known[OF_SETS] == several
     for i in range(several):
         for d in range(several):
-            entry = m.lags[e.block.near[i], e.block.near[d], BLOCK]
+            entry = m.contacts.lags[e.block.near[i], e.block.near[d], BLOCK]
             same = same and e.block.matrix[i * several + d] == entry
             e.block.matrix[i * several + d] = entry
     if not same:
@@ -121,7 +121,7 @@ def answer_of_few(
     """`line_forces.answer_of_line` of two to four contacts whose matrix is noted; NOT_SOLVED where no set of independent
     ones is found."""
     m, s, e = string_model(model), string_state(state), end_at(end)
-    several, near, lags = e.counts[NEAR], e.block.near, m.lags
+    several, near, lags = e.counts[NEAR], e.block.near, m.contacts.lags
     forces, slopes, apart, opening = e.block.forces, e.block.slopes, e.block.apart, e.block.opening
     gaps, moves, answers, changes = e.few.sides[_GAPS], e.few.sides[_MOVES], e.few.sides[_ANSWERS], e.few.sides[_CHANGES]
     held = 0

@@ -43,19 +43,19 @@ from synth.solver.vectors import FAST, INNER
 def fill_grip(model: int, state: int, scratch: int, on_q: int) -> None:
     """The responses to the finger whose weights the state has, of all outputs: the first `on_q` are displacements."""
     m, s, w = string_model(model), string_state(state), scratch_of(scratch)
-    rows, n, contacts = m.rows, m.rows.shape[1], m.shapes.shape[0]
+    rows, n, contacts = m.rows, m.rows.shape[1], m.contacts.size
     q, v, spare = w.modes.q[:n], w.modes.v[:n], w.rows.spare
     finger, weights = s.grip.weights[:n], s.grip.weights[:n].reshape(1, n)
     velocity = 0 if m.law == EXACT_HOLD else 1
-    own = finger_row(m.law, rows, m.shapes, finger, s.grip.coupling)
+    own = finger_row(m.law, rows, m.contacts.shapes, finger, s.grip.coupling)
     for j in range(n):
         q[j] = rows[KQ, j] * finger[j]
         v[j] = rows[KV, j] * finger[j]
     zero, one = int(np.int64(0)), int(np.int64(1))  # literals would have it compiled once more for each
     fill_response(velocity, rows, q, v, weights, zero, spare, s.grip.own)
-    fill_response(velocity, rows, q, v, m.shapes, zero, spare, s.grip.contacts)
-    fill_response(zero, rows, q, v, m.weights[:on_q], zero, spare, s.grip.outputs[:on_q])
-    fill_response(one, rows, q, v, m.weights[on_q:], zero, spare, s.grip.outputs[on_q:])
+    fill_response(velocity, rows, q, v, m.contacts.shapes, zero, spare, s.grip.contacts)
+    fill_response(zero, rows, q, v, m.outputs.weights[:on_q], zero, spare, s.grip.outputs[:on_q])
+    fill_response(one, rows, q, v, m.outputs.weights[on_q:], zero, spare, s.grip.outputs[on_q:])
     s.grip.own[0, BLOCK] = own
     s.finger[0].own = own
     extents(m.omega, q, v, q)
@@ -63,21 +63,21 @@ def fill_grip(model: int, state: int, scratch: int, on_q: int) -> None:
         s.grip.contacts[c, BLOCK] = s.grip.coupling[c]
         total = 0.0
         for j in range(n):
-            total += abs(m.shapes[c, j]) * q[j]
+            total += abs(m.contacts.shapes[c, j]) * q[j]
         s.grip.far[c] = MARGIN * total
 
 
 @njit(inline="always")
 def _look_under(m, s, w, velocity: int, several: int, joined: int, at: int) -> None:
     """`blocks.look`, and the same of the finger's row, after the contacts', and of the first output where `joined`."""
-    n, rows, shapes, q, v, near, u = m.rows.shape[1], m.rows, m.shapes, s.q, s.v, w.rows.near, w.rows.u
+    n, rows, shapes, q, v, near, u = m.rows.shape[1], m.rows, m.contacts.shapes, s.q, s.v, w.rows.near, w.rows.u
     touch, u_finger = s.grip.weights[:n], u[shapes.shape[0]]
     look(n, rows, shapes, q, v, velocity, near, several // 2 * 2, u)
     if joined and several % 2 == 1:
         last = shapes[near[several - 1]]
-        project_qqq(n, rows, q, v, last, touch, m.weights[m.first], u[several - 1], u_finger, w.out[at:])
+        project_qqq(n, rows, q, v, last, touch, m.outputs.weights[m.outputs.first], u[several - 1], u_finger, w.out[at:])
     elif joined:
-        project_qq(n, rows, q, v, touch, m.weights[m.first], u_finger, w.out[at:])
+        project_qq(n, rows, q, v, touch, m.outputs.weights[m.outputs.first], u_finger, w.out[at:])
     elif several % 2 == 1 and velocity:
         project_vv(n, rows, q, v, shapes[near[several - 1]], touch, u[several - 1], u_finger)
     elif several % 2 == 1:
@@ -122,10 +122,10 @@ def advance_under_finger(model: int, state: int, scratch: int, blocks: int, stri
     A finger that takes hold changes the state from outside: `certificates.forget`.
     """
     m, s, w = string_model(model), string_state(state), scratch_of(scratch)
-    law, dt, n, points, on_q, contacts = m.law, m.dt, m.rows.shape[1], m.points, m.on_q, m.shapes.shape[0]
-    rows, shapes, lags, q, v, eta = m.rows, m.shapes, m.lags, s.q, s.v, s.eta
-    weights = m.weights[m.first : m.first + points]
-    grip_own, grip, grip_outputs = s.grip.own[0], s.grip.contacts, s.grip.outputs[m.first : m.first + points]
+    law, dt, n, first, points, on_q = m.law, m.dt, m.rows.shape[1], m.outputs.first, m.outputs.points, m.outputs.on_q
+    contacts, rows, shapes, lags, q, v, eta = m.contacts.size, m.rows, m.contacts.shapes, m.contacts.lags, s.q, s.v, s.eta
+    weights = m.outputs.weights[first : first + points]
+    grip_own, grip, grip_outputs = s.grip.own[0], s.grip.contacts, s.grip.outputs[first : first + points]
     out, record = w.out[: points * stride].reshape(points, stride), w.record
     hold = law == EXACT_HOLD
     near, u, forces, looked = w.rows.near, w.rows.u, w.rows.forces, s.certificates.looked

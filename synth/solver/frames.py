@@ -146,7 +146,8 @@ def _certain_block(coupling: int, scratch: int, frames: int, at: int, until: int
             else:
                 clear = string_state(c.lines.state[line]).finger[0].on == 0 and is_clear(coupling, line, scratch)
             e.counts[KIND] = CLEAR if clear else SEVERAL
-            if string_model(c.lines.model[line]).shapes.shape[0] >= c.culled_from and runs_out(coupling, line, frames):
+            contacts = string_model(c.lines.model[line]).contacts.size
+            if contacts >= c.culled_from and runs_out(coupling, line, frames):
                 look_everywhere(c.lines.end[line])
         e.block.known[CULLING] = LONG if e.counts[KIND] == SEVERAL and _may_pass_over(coupling, line) else NEVER
         uncertain = uncertain or e.counts[KIND] == CLEAR or e.counts[CERTIFIED] > 0 or e.block.known[CULLING] != NEVER
@@ -172,7 +173,7 @@ def _certain_block(coupling: int, scratch: int, frames: int, at: int, until: int
                 if rubs(coupling, line) and end_at(c.lines.end[line - 1]).counts[KIND] >= SINGLE:
                     _begin_to_look(coupling, line, scratch, frames)
                     end_at(c.lines.end[line]).counts[KIND] = SEVERAL
-            elif string_model(c.lines.model[line]).shapes.shape[0] > 0 and not lasts(coupling, line, frames):
+            elif string_model(c.lines.model[line]).contacts.size > 0 and not lasts(coupling, line, frames):
                 _begin_to_look(coupling, line, scratch, frames)
                 look_everywhere(c.lines.end[line])
                 again = True
@@ -184,7 +185,7 @@ def _certain_block(coupling: int, scratch: int, frames: int, at: int, until: int
                     e.block.known[LASTS] = 0
             _gather_again(coupling, frames)
     for line in range(c.lines.end.size):
-        if c.lines.friction[line] == 0.0 and string_model(c.lines.model[line]).shapes.shape[0] > 0:
+        if c.lines.friction[line] == 0.0 and string_model(c.lines.model[line]).contacts.size > 0:
             spend(coupling, line)
     drive_body(c.body, c.frame, frames, at, out)
     return status
@@ -206,7 +207,7 @@ def _may_pass_over(coupling: int, line: int) -> bool:
     """Whether contacts of a line that is looked at may be passed over: where that pays, and all where it goes by frames."""
     c = coupling_at(coupling)
     if end_at(c.lines.end[line]).counts[BY_FRAMES]:
-        return string_model(c.lines.model[line]).shapes.shape[0] > 0
+        return string_model(c.lines.model[line]).contacts.size > 0
     return may_cull(coupling, line)
 
 
@@ -218,7 +219,7 @@ def _look_closer(coupling: int, scratch: int, frames: int) -> bool:
     closer = False
     for line in range(c.lines.end.size):
         e = end_at(c.lines.end[line])
-        if e.counts[BY_FRAMES] == 0 or string_model(c.lines.model[line]).shapes.shape[0] == 0:
+        if e.counts[BY_FRAMES] == 0 or string_model(c.lines.model[line]).contacts.size == 0:
             continue
         may_touch = e.block.known[CULLING] == NEVER
         if not may_touch and e.block.known[LASTS] <= 0:
@@ -493,7 +494,7 @@ def _is_used_up(e) -> bool:
 @njit(inline="always")
 def _looks_back(c, line: int) -> bool:
     """Whether what contacts do in a step hangs on where they were before: those that rub, and soft ones."""
-    return c.lines.friction[line] > 0.0 or string_model(c.lines.model[line]).layers.shape[1] > 0
+    return c.lines.friction[line] > 0.0 or string_model(c.lines.model[line]).contacts.layers.shape[1] > 0
 
 
 @njit(inline="always")

@@ -50,7 +50,7 @@ def _lay_out(c, v0, number: int, begin: int, fingers: int, count: int) -> int:
         turn = 0.0
         for i in range(d):
             turn += c.lines.direction[line, i] * (v0[i] - c.bridge.speed[i])
-        contacts = m.shapes.shape[0]
+        contacts, layers = m.contacts.size, m.contacts.layers
         if c.lines.friction[line] > 0.0 and not fingers:  # none in such a frame
             for i in range(e.counts[NEAR]):
                 for t in range(steps):
@@ -70,8 +70,8 @@ def _lay_out(c, v0, number: int, begin: int, fingers: int, count: int) -> int:
             drawn = 0.0
             for t in range(steps):
                 drawn += reach[t]
-            if not fingers and m.layers.shape[1] > 0:  # two rows: the layer, numbered backwards, and the stop behind it
-                depth = m.layers[DEPTH, e.block.near[i]]
+            if not fingers and layers.shape[1] > 0:  # two rows: the layer, numbered backwards, and the stop behind it
+                depth = layers[DEPTH, e.block.near[i]]
                 if depth > 0.0:
                     a, kept = _middle(m, e.block.near[i], frame)
                     sunk = min(depth, max(0.0, -s.u[e.block.near[i]]))
@@ -93,7 +93,7 @@ def _add_row(c, count: int, line: int, number: int, drawn: float, gap: float) ->
 @njit(inline="always")
 def _middle(m, contact: int, frame: float):
     """`layers.middle` of a contact's layer over a frame."""
-    return middle(m.layers[STIFFNESS, contact], m.layers[RESISTANCE, contact], frame)
+    return middle(m.contacts.layers[STIFFNESS, contact], m.contacts.layers[RESISTANCE, contact], frame)
 
 
 @njit(inline="always")
@@ -128,9 +128,10 @@ def hold_forces(coupling: int, number: int, begin: int, v0, v, force) -> int:
             total *= g[i] * g[k]
             if lines[k] == line:
                 if i < contacts:
-                    total += _sum_of(m.lags[e.block.near[_place(numbers[i])], e.block.near[_place(numbers[k])]], steps)
+                    at, by = e.block.near[_place(numbers[i])], e.block.near[_place(numbers[k])]
+                    total += _sum_of(m.contacts.lags[at, by], steps)
                     if k == i and numbers[i] < 0:
-                        total += 1.0 / _middle(m, e.block.near[_place(numbers[i])], c.frame)[0]
+                        total += 1.0 / _middle(m, at, c.frame)[0]
                 elif k < contacts:
                     total += _sum_of(s.grip.contacts[e.block.near[_place(numbers[k])]], steps)
                 else:
@@ -166,7 +167,7 @@ def hold_forces(coupling: int, number: int, begin: int, v0, v, force) -> int:
         force[i] = 0.0
     for i in range(rows):
         e, m = end_at(c.lines.end[lines[i]]), string_model(c.lines.model[lines[i]])
-        row = _place(numbers[i]) if i < contacts else m.shapes.shape[0]
+        row = _place(numbers[i]) if i < contacts else m.contacts.size
         steps = steps_of(c, e, lines[i])
         first = number % (BLOCK // steps) * steps
         behind_layer = i < contacts and i > 0 and lines[i - 1] == lines[i] and numbers[i - 1] == -1 - row

@@ -41,7 +41,7 @@ def answer_with_layers(model: int, state: int, scratch: int) -> int:
     """`contact_laws.ContactLaw.answer` of contacts that have a layer, or a depth of 0: forces into Scratch.z. A status of
     `lcp`. The scratch is one for twice as many contacts."""
     m, s, w = string_model(model), string_state(state), scratch_of(scratch)
-    contacts, layers, y, z = m.shapes.shape[0], m.layers, w.y, w.z
+    contacts, layers, y, z = m.contacts.size, m.contacts.layers, w.y, w.z
     if contacts == 1:
         z[0] = _one(w.a[0, 0], s.eta[0] - y[0], s.eta[0] - s.u[0], layers[:, 0], m.dt)
         return SOLVED
@@ -90,13 +90,13 @@ def _one(compliance: float, free: float, before: float, layer, dt: float) -> flo
 def held_by_layers(model: int, state: int) -> float:
     """½ Σ k δ² [J]: what the layers of a string hold as it stands under its forces."""
     m, s = string_model(model), string_state(state)
-    contacts, q, total = m.shapes.shape[0], s.q[: m.modes], 0.0
-    for c in range(m.layers.shape[1]):
-        depth = s.eta[c] - dot(m.shapes[c, : m.modes], q)
+    contacts, q, total = m.contacts.size, s.q[: m.modes], 0.0
+    for c in range(m.contacts.layers.shape[1]):
+        depth = s.eta[c] - dot(m.contacts.shapes[c, : m.modes], q)
         for d in range(contacts):
-            depth -= m.residual[c, d] * s.force[d]
-        depth = min(m.layers[DEPTH, c], max(0.0, depth))
-        total += 0.5 * m.layers[STIFFNESS, c] * depth * depth
+            depth -= m.contacts.residual[c, d] * s.force[d]
+        depth = min(m.contacts.layers[DEPTH, c], max(0.0, depth))
+        total += 0.5 * m.contacts.layers[STIFFNESS, c] * depth * depth
     return total
 
 
@@ -128,14 +128,14 @@ def static_matrix(compliance: np.ndarray, layers: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True, nogil=True)
-def settle(matrix, eta, raised: float, layers, scratch: int) -> int:
-    """`static_forces` in Scratch.z of a string that nothing else holds, over contacts `raised` above η (C,) [m]: a status of
-    `lcp`. matrix: `static_matrix`. The scratch is one for as many rows."""
-    w, contacts, rows = scratch_of(scratch), eta.size, matrix.shape[0]
+def settle(matrix, under, raised: float, scratch: int) -> int:
+    """`static_forces` in Scratch.z of a string that nothing else holds, over contacts (ContactTables) `raised` above their η
+    [m]: a status of `lcp`. matrix: `static_matrix`. The scratch is one for as many rows."""
+    w, contacts, layers, rows = scratch_of(scratch), under.size, under.layers, matrix.shape[0]
     b, enabled, active, z = w.pivot.b[:rows], w.pivot.enabled[:rows], w.pivot.active[:rows], w.z[:rows]
     touching = False
     for c in range(contacts):
-        b[c] = -(eta[c] + raised)
+        b[c] = -(under.eta[c] + raised)
         enabled[c] = 1
         if rows > contacts:
             b[contacts + c] = b[c] + layers[DEPTH, c]

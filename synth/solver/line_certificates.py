@@ -59,10 +59,10 @@ def certify_line(coupling: int, line: int, scratch: int) -> int:
     for j in range(n):
         moved[j] = extent[j] * min(2.0, m.omega[j] * time)
     near, least, furthest = 0, _FAR_AWAY_M, 0.0
-    for k in range(m.shapes.shape[0]):
+    for k in range(m.contacts.size):
         ever, soon = 0.0, 0.0
         for j in range(n):
-            size = abs(m.shapes[k, j])
+            size = abs(m.contacts.shapes[k, j])
             ever += size * extent[j]
             soon += size * moved[j]
         e.certificate.bound[k] = MARGIN * soon
@@ -78,7 +78,7 @@ def certify_line(coupling: int, line: int, scratch: int) -> int:
     e.numbers[EVER] = furthest
     e.numbers[RISEN] = 0.0
     e.counts[QUIET] = -1
-    e.counts[CERTIFIED] = m.shapes.shape[0] - near
+    e.counts[CERTIFIED] = m.contacts.size - near
     return near
 
 
@@ -88,7 +88,7 @@ def is_clear(coupling: int, line: int, scratch: int) -> bool:
     moves a contact by no more than Σ |φ_j| E_j min(2, ω_j K H), and End.numbers[SLACK] is what is left to the nearest."""
     c = coupling_at(coupling)
     m, s, e = string_model(c.lines.model[line]), string_state(c.lines.state[line]), end_at(c.lines.end[line])
-    contacts = m.shapes.shape[0]
+    contacts = m.contacts.size
     if e.counts[QUIET] >= 0:
         if e.counts[QUIET] < _QUIET_BLOCKS:
             return False
@@ -96,7 +96,7 @@ def is_clear(coupling: int, line: int, scratch: int) -> bool:
     n, height, slack = m.modes, along(c, line, c.bridge.beta), _FAR_AWAY_M
     for k in range(contacts):
         if e.certificate.clearance[k] <= 0.0:
-            here = dot(m.shapes[k, :n], s.q[:n]) + e.leverage[k] * height - s.eta[k]
+            here = dot(m.contacts.shapes[k, :n], s.q[:n]) + e.leverage[k] * height - s.eta[k]
             slack = min(slack, here - e.certificate.bound[k])
     e.numbers[SLACK] = slack - 2.0 * e.numbers[RISEN]
     return e.numbers[SLACK] > _RESERVE * e.numbers[LATELY]
@@ -130,7 +130,7 @@ def lasts(coupling: int, line: int, frames: int) -> bool:
         return enough
     if not pushed:
         return enough and not pressed and e.numbers[LEAST] > e.numbers[LATELY]
-    for k in range(string_model(c.lines.model[line]).shapes.shape[0]):
+    for k in range(string_model(c.lines.model[line]).contacts.size):
         if e.certificate.clearance[k] > 0.0:
             enough = enough and e.certificate.clearance[k] > e.numbers[LATELY] + s.grip.far[k] * e.certificate.pushed[0]
     return enough and not pressed
@@ -150,7 +150,7 @@ def spend(coupling: int, line: int) -> None:
     e.numbers[RISEN] += e.numbers[LATELY_RISEN]
     if e.counts[CERTIFIED] > 0:
         least, clearance = _FAR_AWAY_M, e.certificate.clearance
-        for k in range(string_model(c.lines.model[line]).shapes.shape[0]):
+        for k in range(string_model(c.lines.model[line]).contacts.size):
             if clearance[k] > 0.0:
                 clearance[k] -= e.numbers[LATELY] + (s.grip.far[k] * e.certificate.pushed[0] if pushed else 0.0)
                 least = min(least, clearance[k])
@@ -180,7 +180,7 @@ def runs_out(coupling: int, line: int, frames: int) -> bool:
     if s.finger[0].on == 0 or e.counts[CERTIFIED] == 0:
         return False
     strength = _RESERVE * abs(s.finger[0].push) * (frames * c.lines.steps[line])
-    for k in range(string_model(c.lines.model[line]).shapes.shape[0]):
+    for k in range(string_model(c.lines.model[line]).contacts.size):
         if e.certificate.clearance[k] > 0.0 and e.certificate.clearance[k] < s.grip.far[k] * strength:
             return True
     return False

@@ -59,7 +59,7 @@ def may_cull(coupling: int, line: int) -> bool:
         return False
     e = end_at(c.lines.end[line])
     several = 0
-    for k in range(string_model(c.lines.model[line]).shapes.shape[0]):
+    for k in range(string_model(c.lines.model[line]).contacts.size):
         several += 1 if e.certificate.clearance[k] <= 0.0 else 0
     return several >= c.culled_from
 
@@ -89,7 +89,7 @@ def cull(coupling: int, line: int, scratch: int, steps: int) -> int:
     near, near_soon = _left_after(c, line, whole, soon, height, w.pivot.b)
     e.block.known[LASTS] = steps
     if steps > BLOCK and (near > (0 if by_frames else FEW) or e.block.known[CULLING] < LONG):
-        for k in range(m.shapes.shape[0]):
+        for k in range(m.contacts.size):
             e.block.left[k] = w.pivot.b[k]
         e.block.known[LASTS] = BLOCK
         return near_soon
@@ -103,7 +103,7 @@ def _left_after(c, line: int, whole, soon, height: float, left_soon) -> tuple[in
     m, s, e = string_model(c.lines.model[line]), string_state(c.lines.state[line]), end_at(c.lines.end[line])
     q, near, near_soon = s.q[: whole.size], 0, 0
     reserve, held = _OF_THE_BRIDGE * e.numbers[LATELY], e.numbers[HELD_REACH] * abs(e.block.answer[FINGERS_PUSH])
-    for k in range(m.shapes.shape[0]):
+    for k in range(m.contacts.size):
         if e.block.left[k] == FOLLOWED and e.counts[BY_FRAMES] == 0:
             left_soon[k] = FOLLOWED
             near += 1
@@ -111,7 +111,7 @@ def _left_after(c, line: int, whole, soon, height: float, left_soon) -> tuple[in
             continue
         e.block.left[k] = left_soon[k] = 0.0
         if e.certificate.clearance[k] <= 0.0 or e.counts[BY_FRAMES]:
-            shape, here, far, close = m.shapes[k, : whole.size], 0.0, 0.0, 0.0
+            shape, here, far, close = m.contacts.shapes[k, : whole.size], 0.0, 0.0, 0.0
             for j in range(whole.size):
                 reach = abs(shape[j])
                 here += shape[j] * q[j]
@@ -156,7 +156,7 @@ def spend_left(coupling: int, line: int, first: int, turn: float, speed: float) 
     up."""
     c = coupling_at(coupling)
     m, s, e = string_model(c.lines.model[line]), string_state(c.lines.state[line]), end_at(c.lines.end[line])
-    steps, contacts, strength = steps_of(c, e, line), m.shapes.shape[0], 0.0
+    steps, contacts, strength = steps_of(c, e, line), m.contacts.size, 0.0
     if s.finger[0].on != 0:
         for t in range(first, first + steps):
             strength += abs(e.block.forces[contacts, t] - e.block.answer[FINGERS_PUSH])
@@ -168,7 +168,7 @@ def spend_left(coupling: int, line: int, first: int, turn: float, speed: float) 
         if pressed > 0.0:
             for k in range(contacts):
                 if e.block.left[k] > 0.0:
-                    reached = e.certificate.stirred[k] * e.certificate.stirred[d] + abs(m.matrix[k, d])
+                    reached = e.certificate.stirred[k] * e.certificate.stirred[d] + abs(m.contacts.matrix[k, d])
                     e.block.left[k] -= reached * pressed
                     if e.block.left[k] <= 0.0:
                         e.block.known[LASTS] = USED_UP

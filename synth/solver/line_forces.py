@@ -73,7 +73,7 @@ def look_at_line(model: int, state: int, end: int, steps: int, dt: float, speed:
     speed, height: of the end [m/s, m], as if it went on so.
     """
     m, s, e = string_model(model), string_state(state), end_at(end)
-    rows, n, contacts = _rows_of(m, e), _moving(m, e), m.shapes.shape[0]
+    rows, n, contacts = _rows_of(m, e), _moving(m, e), m.contacts.size
     several, culled = int(np.int64(0)), e.block.known[CULLING] != NEVER
     for c in range(contacts):
         if e.certificate.clearance[c] <= 0.0 and not (culled and e.block.left[c] > 0.0):
@@ -83,8 +83,8 @@ def look_at_line(model: int, state: int, end: int, steps: int, dt: float, speed:
             s.force[c] = 0.0
     e.counts[NEAR] = several
     finger = s.finger[0]
-    e.counts[KIND] = SINGLE if several == 1 and finger.on == 0 and m.layers.shape[1] == 0 else SEVERAL
-    look(n, rows, m.shapes, s.q, s.v, 0, e.block.near, several // 2 * 2, e.block.u)
+    e.counts[KIND] = SINGLE if several == 1 and finger.on == 0 and m.contacts.layers.shape[1] == 0 else SEVERAL
+    look(n, rows, m.contacts.shapes, s.q, s.v, 0, e.block.near, several // 2 * 2, e.block.u)
     touch, last = s.grip.weights[:n], several - 1
     finger_too = finger.on != 0 and e.block.known[AHEAD] == 0
     e.block.known[AHEAD] = 0
@@ -94,7 +94,7 @@ def look_at_line(model: int, state: int, end: int, steps: int, dt: float, speed:
             early = steps * (frame + 1) < BLOCK
             e.block.row[frame] = _pull_after(n, e.pull, e.flight[P21:ADV11] if early else rows[ADV21:], s.q, s.v)
     if several % 2 == 1:
-        shape = m.shapes[e.block.near[last]]
+        shape = m.contacts.shapes[e.block.near[last]]
         if by_steps:
             project_qv(n, rows, s.q, s.v, shape, e.pull, e.block.u[last], e.block.row)
             if finger_too:
@@ -187,7 +187,7 @@ def answer_of_line(
     if e.counts[KIND] == SINGLE:
         force, slope, pattern = _one_contact(model, state, scratch, e, first, steps, turn)
         return force, slope, pattern, SOLVED
-    if string_model(model).layers.shape[1] > 0:
+    if string_model(model).contacts.layers.shape[1] > 0:
         e.block.known[LINEAR] = 0
         return answer_of_soft_line(model, state, end, scratch, first, at, steps, turn)
     fingered = string_state(state).finger[0].on != 0
@@ -217,7 +217,7 @@ def follow_line(model: int, state: int, end: int, first: int, steps: int, turn: 
     if not holds:
         return False
     if string_state(state).finger[0].on != 0:
-        finger = string_model(model).shapes.shape[0]
+        finger = string_model(model).contacts.size
         for t in range(first, first + steps):
             e.block.forces[finger, t] += more * e.block.slopes[finger, t]
     e.block.answer[TURNED] = turn
@@ -228,7 +228,7 @@ def follow_line(model: int, state: int, end: int, first: int, steps: int, turn: 
 @njit(inline="always")
 def _one_contact(model: int, state: int, scratch: int, e, first: int, steps: int, turn: float):
     c = e.block.near[0]
-    lags, moved, reach = string_model(model).lags[c, c], e.responses.moved[c], e.responses.reach[c]
+    lags, moved, reach = string_model(model).contacts.lags[c, c], e.responses.moved[c], e.responses.reach[c]
     stiffness = 1.0 / lags[BLOCK]
     rows = e.block
     u, forces, slopes, apart, opening = rows.u[0], rows.forces[0], rows.slopes[0], rows.apart[0], rows.opening[0]
@@ -263,7 +263,7 @@ def answer_by_frames(model: int, state: int, end: int, frame: int, at: int, step
     """
     m, s, e = string_model(model), string_state(state), end_at(end)
     e.block.known[LINEAR] = 1
-    finger, contacts, path, share = s.finger[0], m.shapes.shape[0], e.path, 1.0 / steps
+    finger, contacts, path, share = s.finger[0], m.contacts.size, e.path, 1.0 / steps
     gives, at_once = max(0.0, finger.own) * share, max(0.0, s.grip.own[0, BLOCK] - finger.own)
     change = e.responses.finger_moved[0, BLOCK] * share
     string = finger.here - at_once * finger.push
@@ -293,7 +293,7 @@ def answer_by_frames(model: int, state: int, end: int, frame: int, at: int, step
 def _finger_alone(model: int, state: int, end: int, scratch: int, at: int, turn: float) -> tuple[float, float]:
     """Force and slope of a finger without contacts over K steps that are one frame."""
     m, s, e, w = string_model(model), string_state(state), end_at(end), scratch_of(scratch)
-    finger, contacts, pull, y = s.finger[0], m.shapes.shape[0], w.rows.spare[0], w.rows.spare[1]
+    finger, contacts, pull, y = s.finger[0], m.contacts.size, w.rows.spare[0], w.rows.spare[1]
     blend, compliance = finger_blend(EXACT_HOLD, m.dt, finger.stiffness, finger.resistance)
     stiff = 1.0 / (s.grip.own[0, BLOCK] + compliance)
     follow = finger.resistance / m.dt / blend * stiff
@@ -385,7 +385,7 @@ def settle_line(model: int, state: int, end: int, frame: int, steps: int, turn: 
         e.block.kicks[frame] = turn
         return
     m, s = string_model(model), string_state(state)
-    several, contacts, fingered = e.counts[NEAR], m.shapes.shape[0], s.finger[0].on != 0
+    several, contacts, fingered = e.counts[NEAR], m.contacts.size, s.finger[0].on != 0
     near, first = e.block.near, frame * steps
     e.block.kicks[first] = turn
     if looks_back or first + steps < BLOCK:
@@ -396,7 +396,7 @@ def settle_line(model: int, state: int, end: int, frame: int, steps: int, turn: 
                 force = e.block.forces[i, t]
                 if force != 0.0:
                     for d in range(several):
-                        add_late(e.block.u[d], m.lags[near[d], near[i]], t, force)
+                        add_late(e.block.u[d], m.contacts.lags[near[d], near[i]], t, force)
             if fingered:
                 for d in range(several):
                     add_late(e.block.u[d], s.grip.contacts[near[d]], t, e.block.forces[contacts, t])
@@ -465,7 +465,7 @@ def drive_line(model: int, state: int, end: int, steps: int, more: bool) -> None
     next K steps is looked at in the same pass.
     """
     m, s, e = string_model(model), string_state(state), end_at(end)
-    n, contacts = _moving(m, e), m.shapes.shape[0]
+    n, contacts = _moving(m, e), m.contacts.size
     rows, q, v = _rows_of(m, e), s.q, s.v
     if e.counts[KIND] == CLEAR:
         kick(padded(m.modes), e.flight, q, v, e.kick, e.block.kicks)
@@ -481,32 +481,32 @@ def drive_line(model: int, state: int, end: int, steps: int, more: bool) -> None
             else:
                 drive(n, rows, q, v, touch, pushes)
         elif fingered:
-            drive_listed_and_one(n, rows, q, v, pressed, e.block.near, m.shapes, e.block.forces, touch, pushes)
+            drive_listed_and_one(n, rows, q, v, pressed, e.block.near, m.contacts.shapes, e.block.forces, touch, pushes)
         elif pressed == 0:
             coast(n, rows, q, v)
         elif pressed == 1:
-            drive(n, rows, q, v, m.shapes[e.block.near[0]], e.block.forces[0])
+            drive(n, rows, q, v, m.contacts.shapes[e.block.near[0]], e.block.forces[0])
         else:
-            drive_listed(n, rows, q, v, pressed, e.block.near, m.shapes, e.block.forces)
+            drive_listed(n, rows, q, v, pressed, e.block.near, m.contacts.shapes, e.block.forces)
     elif fingered and pressed == 0:
         drive_kicked(n, rows, q, v, touch, pushes, e.kick, e.block.kicks)
     elif fingered:
         drive_listed_and_one_kicked(
-            n, rows, q, v, pressed, e.block.near, m.shapes, e.block.forces, touch, pushes, e.kick, e.block.kicks
+            n, rows, q, v, pressed, e.block.near, m.contacts.shapes, e.block.forces, touch, pushes, e.kick, e.block.kicks
         )
     elif pressed == 0:
         kick(n, rows, q, v, e.kick, e.block.kicks)
     elif pressed == 1:
-        drive_kicked(n, rows, q, v, m.shapes[e.block.near[0]], e.block.forces[0], e.kick, e.block.kicks)
+        drive_kicked(n, rows, q, v, m.contacts.shapes[e.block.near[0]], e.block.forces[0], e.kick, e.block.kicks)
     else:
-        drive_listed_kicked(n, rows, q, v, pressed, e.block.near, m.shapes, e.block.forces, e.kick, e.block.kicks)
+        drive_listed_kicked(n, rows, q, v, pressed, e.block.near, m.contacts.shapes, e.block.forces, e.kick, e.block.kicks)
 
 
 @njit(**INNER)
 def step_line(model: int, state: int, end: int, steps: int) -> None:
     """Advance the modes by the first `steps` steps of the block, fewer than K, or its first frame, as `drive_line` does."""
     m, s, e = string_model(model), string_state(state), end_at(end)
-    rows, contacts = _rows_of(m, e), m.shapes.shape[0]
+    rows, contacts = _rows_of(m, e), m.contacts.size
     n = moving_modes(m, e)
     q, v = s.q[:n], s.v[:n]
     kq, kv = rows[4, :n], rows[5, :n]
@@ -518,6 +518,6 @@ def step_line(model: int, state: int, end: int, steps: int) -> None:
         fly(rows, q, v)
         for i in range(e.counts[NEAR]):
             if e.block.forces[i, t] != 0.0:
-                push_modes(q, v, kq, kv, m.shapes[e.block.near[i]], e.block.forces[i, t])
+                push_modes(q, v, kq, kv, m.contacts.shapes[e.block.near[i]], e.block.forces[i, t])
         if s.finger[0].on != 0:
             push_modes(q, v, kq, kv, s.grip.weights, e.block.forces[contacts, t])

@@ -60,7 +60,7 @@ def answer_of_rubbed(
     """`line_forces.answer_of_line` of a second direction, once the first has its forces (End.block.forces and slopes): (mean
     force on the bridge, its slope by the speed of its own end, by that of the first one's, what contacts do, status)."""
     m, s, e, one, w = string_model(model), string_state(state), end_at(end), end_at(first_end), scratch_of(scratch)
-    several, near, lags = e.counts[NEAR], e.block.near, m.lags
+    several, near, lags = e.counts[NEAR], e.block.near, m.contacts.lags
     ways, moves = w.rows.u, w.rows.forces  # of the contacts over these steps, and by the speed of the own end
     others = w.record[: several * BLOCK].reshape(several, BLOCK)  # by that of the first direction's
     a = e.block.matrix[: several * several].reshape(several, several)

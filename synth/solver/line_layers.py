@@ -28,12 +28,12 @@ def note_gaps(coupling: int, line: int) -> None:
     """StringState.u of the contacts of a line that are not certified, from its modes."""
     c = coupling_at(coupling)
     m, s, e = string_model(c.lines.model[line]), string_state(c.lines.state[line]), end_at(c.lines.end[line])
-    height, contacts, n = along(c, line, c.bridge.beta), m.shapes.shape[0], m.modes
+    height, contacts, n = along(c, line, c.bridge.beta), m.contacts.size, m.modes
     for k in range(contacts):
         if e.certificate.clearance[k] <= 0.0:
-            here = dot(m.shapes[k, :n], s.q[:n]) + e.leverage[k] * height - s.eta[k]
+            here = dot(m.contacts.shapes[k, :n], s.q[:n]) + e.leverage[k] * height - s.eta[k]
             for d in range(contacts):
-                here += m.residual[k, d] * s.force[d]
+                here += m.contacts.residual[k, d] * s.force[d]
             s.u[k] = here
 
 
@@ -51,7 +51,7 @@ def answer_of_soft_line(
 ) -> tuple[float, float, int, int]:
     """`line_forces.answer_of_line` of a line whose contacts have layers."""
     m, s, e, w = string_model(model), string_state(state), end_at(end), scratch_of(scratch)
-    several, near, dt, layers = e.counts[NEAR], e.block.near, m.dt, m.layers
+    several, near, dt, layers = e.counts[NEAR], e.block.near, m.dt, m.contacts.layers
     gaps, moves, forces, slopes = w.rows.u, w.rows.forces, e.block.forces, e.block.slopes
     grip, fingered = s.grip.contacts, s.finger[0].on != 0
     begin_rows(m, s, e, w, first, steps, turn)

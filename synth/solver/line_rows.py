@@ -23,7 +23,7 @@ LEAST_PIVOT = 1e-16
 @njit(inline="always")
 def begin_rows(m, s, e, w, first: int, steps: int, turn: float) -> None:
     """Scratch.rows.u, and Scratch.rows.forces as its slopes, of contacts and finger, from step `first` of the block on."""
-    several, contacts = e.counts[NEAR], m.shapes.shape[0]
+    several, contacts = e.counts[NEAR], m.contacts.size
     for i in range(several + 1 if s.finger[0].on != 0 else several):
         row = e.block.u[i] if i < several else e.block.u[contacts]
         moved = e.responses.moved[e.block.near[i]] if i < several else e.responses.finger_moved[0]
@@ -50,7 +50,7 @@ def act_on_rows(
 ) -> tuple[float, float]:
     """Step t's forces, End.block.forces and slopes of the contacts and the finger's without them, act on the rows of it and
     later steps: (mean force on the bridge, its slope). Without `later` ones the rows of contacts are left as they are."""
-    several, contacts, near, fingered = e.counts[NEAR], m.shapes.shape[0], e.block.near, s.finger[0].on != 0
+    several, contacts, near, fingered = e.counts[NEAR], m.contacts.size, e.block.near, s.finger[0].on != 0
     force, slope = 0.0, 0.0
     if fingered:
         for i in range(several):
@@ -70,8 +70,8 @@ def act_on_rows(
         pressed, change = e.block.forces[i, first + t], e.block.slopes[i, first + t]
         if pressed > 0.0:
             for d in range(several if later else 0):
-                add_late(w.rows.u[d], m.lags[near[d], c], t, pressed)
-                add_late(w.rows.forces[d], m.lags[near[d], c], t, change)
+                add_late(w.rows.u[d], m.contacts.lags[near[d], c], t, pressed)
+                add_late(w.rows.forces[d], m.contacts.lags[near[d], c], t, change)
             if fingered:
                 add_late(w.rows.u[several], s.grip.contacts[c], t, pressed)
                 add_late(w.rows.forces[several], s.grip.contacts[c], t, change)

@@ -84,14 +84,14 @@ def fill_looked_at(model: int, end: int, steps: int, scratch_q, scratch_v, spare
     zero, one = int(np.int64(0)), int(np.int64(1))
     _fill_own(e, LOOKED_AT, m.modes, scratch_q[:all_modes], scratch_v[:all_modes], spare)
     q, v, pull = scratch_q[:n], scratch_v[:n], e.pull[:n].reshape(1, n)
-    contacts = m.shapes.shape[0]
+    contacts = m.contacts.size
     if contacts:
         for j in range(n):
             q[j] = rows[P12, j] * kick[j]
             v[j] = rows[P22, j] * kick[j]
-        fill_response(zero, rows, q, v, m.shapes, zero, spare, e.responses.moved)
-        none = m.matrix.reshape(-1)[:0].reshape(0, 0)
-        fill_lags(one, rows, m.shapes, pull, none, q, v, spare, e.block.pulled)
+        fill_response(zero, rows, q, v, m.contacts.shapes, zero, spare, e.responses.moved)
+        none = m.contacts.matrix.reshape(-1)[:0].reshape(0, 0)
+        fill_lags(one, rows, m.contacts.shapes, pull, none, q, v, spare, e.block.pulled)
         to = e.responses
         for c in range(contacts):
             _fill_reach(steps, m.dt, e.leverage[c], e.block.pulled[0, c], to.moved[c], to.reach[c], to.drawn[c])
@@ -100,7 +100,7 @@ def fill_looked_at(model: int, end: int, steps: int, scratch_q, scratch_v, spare
         for c in range(contacts):
             own = 0.0
             for j in range(m.modes):
-                own += m.shapes[c, j] * m.shapes[c, j] * after[j]
+                own += m.contacts.shapes[c, j] * m.contacts.shapes[c, j] * after[j]
             e.certificate.stirred[c] = np.sqrt(MARGIN * own)
 
 
@@ -138,7 +138,7 @@ def _fill_finger_end(rows, n: int, dt: float, model: int, state: int, end: int, 
     for j in range(n):
         q[j] = rows[4, j] * finger[0, j]
         v[j] = rows[5, j] * finger[0, j]
-    contacts = m.shapes.shape[0]
+    contacts = m.contacts.size
     pulled = e.block.pulled[0, contacts:]
     fill_response(one, rows, q, v, e.pull[:n].reshape(1, n), zero, spare, pulled)
     lever = e.numbers[FINGER_LEVERAGE]
@@ -156,7 +156,7 @@ def ensure_tables(coupling: int, line: int, scratch: int) -> None:
         return
     if e.counts[DUE] == ALL_DUE:
         fill_step(model, e.sigma)
-        if m.shapes.shape[0] > 0:
+        if m.contacts.size > 0:
             fill_contact_matrix(model, e.numbers[RELIEF])
             put_off(model, c.lines.state[line])
     n = m.modes
@@ -201,7 +201,7 @@ def go_by_frames(coupling: int, line: int, scratch: int) -> bool:
     before, held = e.counts[BY_FRAMES], w.modes.moved[2]
     e.counts[BY_FRAMES] = 1
     fill_held_at_rest(c, line, held)
-    if m.shapes.shape[0] > 0 and cull(coupling, line, scratch, int(np.int64(BLOCK))) > 0:
+    if m.contacts.size > 0 and cull(coupling, line, scratch, int(np.int64(BLOCK))) > 0:
         e.counts[BY_FRAMES] = before
         return False
     if e.counts[RESTING]:
@@ -240,10 +240,10 @@ def go_by_frames(coupling: int, line: int, scratch: int) -> bool:
     finger_at.own = own
     s.grip.own[0, BLOCK] = own + residual
     extents(m.omega[:n], q, v, q)
-    for k in range(m.shapes.shape[0]):
+    for k in range(m.contacts.size):
         total = 0.0
         for j in range(n):
-            total += abs(m.shapes[k, j]) * q[j]
+            total += abs(m.contacts.shapes[k, j]) * q[j]
         s.grip.far[k] = MARGIN * (total + e.numbers[HELD_REACH])
     _fill_finger_end(e.flight, n, c.frame, model, state, end, int(np.int64(1)), w.modes.q, w.modes.v, w.rows.spare)
     return True

@@ -39,7 +39,7 @@ def gather(looked, near) -> int:
 @njit(inline="always")
 def _fill_matrix(model: int, state: int, near, m: int, matrix) -> None:
     """matrix (m·m,) of contacts near[:m] from their lag responses, of which what still waits is filled."""
-    lags, due = string_model(model).lags, string_state(state).due
+    lags, due = string_model(model).contacts.lags, string_state(state).due
     for i in range(m if m > 1 else 0):
         if due[near[i]] == ROW_DUE:
             fill_row(model, state, near[i])
@@ -57,7 +57,7 @@ def solve_sequence(model: int, state: int, scratch: int, several: int, at: int) 
     become the true ones, of displacements.
     """
     m, s, w = string_model(model), string_state(state), scratch_of(scratch)
-    law, dt, restitution, lags, contacts = m.law, m.dt, m.restitution, m.lags, m.shapes.shape[0]
+    law, dt, restitution, lags, contacts = m.law, m.dt, m.restitution, m.contacts.lags, m.contacts.size
     near, u, forces, b, z = w.rows.near, w.rows.u, w.rows.forces, w.pivot.b, w.z
     eta, u_contact, v_contact, grip_own, grip = s.eta, s.u, s.v_contact, s.grip.own[0], s.grip.contacts
     finger, u_finger, pushes = s.finger[0], u[contacts], forces[contacts]
@@ -134,7 +134,8 @@ def solve_sequence(model: int, state: int, scratch: int, several: int, at: int) 
 def strike_sequence(model: int, state: int, scratch: int) -> None:
     """`solve_sequence` of Moreau–Jean over one contact without a finger, what goes from step to step in registers."""
     m, s, w = string_model(model), string_state(state), scratch_of(scratch)
-    u, forces, response, eta, dt, restitution = w.rows.u[0], w.rows.forces[0], m.lags[0, 0], s.eta[0], m.dt, m.restitution
+    u, forces, response, eta = w.rows.u[0], w.rows.forces[0], m.contacts.lags[0, 0], s.eta[0]
+    dt, restitution = m.dt, m.restitution
     ahead = 0.5 * dt if m.law == MOREAU_JEAN_FILTERED else 0.0
     here, speed, stiffness = s.u[0], s.v_contact[0], 1.0 / response[BLOCK]
     for k in range(BLOCK):
@@ -156,13 +157,13 @@ def others_stay_clear(
     """Whether the forces at near[:several], where it is touched, and a finger's pushes, Σ|p| = strength, leave every contact
     that was not looked at out of reach; those that they do not are looked at, up to step number `until`."""
     m, s, w = string_model(model), string_state(state), scratch_of(scratch)
-    pushes, y, clear = w.rows.forces[m.shapes.shape[0]], w.rows.spare[0], True
-    for c in range(m.shapes.shape[0]):
+    pushes, y, clear = w.rows.forces[m.contacts.size], w.rows.spare[0], True
+    for c in range(m.contacts.size):
         if s.certificates.looked[c] == 0 and (touched or s.certificates.margin[c] <= s.grip.far[c] * strength):
             for k in range(BLOCK):
                 y[k] = 0.0
             for i in range(several if touched else 0):
-                add_forced(y, m.lags[c, w.rows.near[i]], w.rows.forces[i])
+                add_forced(y, m.contacts.lags[c, w.rows.near[i]], w.rows.forces[i])
             if s.finger[0].on:
                 inside = any_forced_below(y, s.grip.contacts[c], pushes, -s.certificates.margin[c])
             else:
@@ -179,7 +180,7 @@ def end_certificates(model: int, state: int, touched: bool, strength: float) -> 
     """Certificates after a block with forces, where it is touched, and pushes Σ|p| = strength: how far contacts may be moved
     is less now, and those that were not looked at are asked for anew where forces or pushes have ended theirs."""
     s = string_state(state)
-    for c in range(string_model(model).shapes.shape[0]):
+    for c in range(string_model(model).contacts.size):
         s.certificates.renewed[c] = -1
         if s.certificates.looked[c] == 0:
             s.certificates.margin[c] -= s.grip.far[c] * strength
@@ -191,10 +192,10 @@ def end_certificates(model: int, state: int, touched: bool, strength: float) -> 
 def note_forces(model: int, scratch: int, several: int, at: int, stride: int) -> None:
     """Forces at near[:several] from step `at` on into Scratch.record, and what they add to outputs in rows of `stride`."""
     m, w = string_model(model), scratch_of(scratch)
-    contacts = m.shapes.shape[0]
+    contacts = m.contacts.size
     for i in range(several):
         c = w.rows.near[i]
         for k in range(BLOCK):
             w.record[(at + k) * contacts + c] = w.rows.forces[i, k]
-        for p in range(m.points):
-            add_forced(w.out[p * stride + at :], m.out_lags[m.first + p, c], w.rows.forces[i])
+        for p in range(m.outputs.points):
+            add_forced(w.out[p * stride + at :], m.outputs.lags[m.outputs.first + p, c], w.rows.forces[i])

@@ -28,6 +28,16 @@ ROUNDING = 2.0**-24
 _LEAST_LOSS = 16.0 * ROUNDING
 
 
+class SingleTables(NamedTuple):
+    """Rows, shapes of contacts and weights of outputs of a string's model in float32; singles: padded_single(N), or 0 where
+    none are. Rows of none are made in each call."""
+
+    on: int  # whether blocks of steps hold the modes in float32
+    rows: Annotated[np.ndarray, f4("ROWS, singles")]
+    shapes: Annotated[np.ndarray, f4("contacts, singles")]
+    weights: Annotated[np.ndarray, f4("outputs, singles")]
+
+
 class SingleRoom(NamedTuple):
     """Modes of a string during a call; rows, where its model has none of its own."""
 

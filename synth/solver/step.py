@@ -26,7 +26,7 @@ def advance(model: int, state: int, scratch: int, steps: int, placed: int) -> in
     """
     m = string_model(model)
     blocks = steps // BLOCK
-    if not _flies(model, state) and (has_answer(m) or m.lags.shape[0] != m.shapes.shape[0]):
+    if not _flies(model, state) and (has_answer(m) or m.contacts.lags.shape[0] != m.contacts.size):
         blocks = 0
     status = SOLVED
     if blocks > 0:
@@ -45,7 +45,7 @@ def _remainder(model: int, state: int, scratch: int, done: int, steps: int, plac
     if not s.counts[FREE]:
         s.counts[MOVING] = m.modes
         fill_all_rows(model, state)
-    for c in range(m.shapes.shape[0]):
+    for c in range(m.contacts.size):
         w.watch[c] = 0 if s.counts[FREE] else 1
         w.pivot.active[c] = 1 if s.force[c] > 0.0 else 0
     if placed:
@@ -68,16 +68,16 @@ def presses(model: int, state: int) -> bool:
     """Whether `advance` takes whole blocks by `press_blocks`: exact-hold over one contact that may be touched, no finger."""
     m, s = string_model(model), string_state(state)
     known = m.law == EXACT_HOLD and not has_answer(m)
-    alone = m.shapes.shape[0] == 1 and m.lags.shape[0] == 1 and s.finger[0].on == 0 and s.counts[FREE] == 0
-    return known and alone and m.on_q <= 1 and m.points - m.on_q <= 1
+    alone = m.contacts.size == 1 and m.contacts.lags.shape[0] == 1 and s.finger[0].on == 0 and s.counts[FREE] == 0
+    return known and alone and m.outputs.on_q <= 1 and m.outputs.points - m.outputs.on_q <= 1
 
 
 @njit(**INNER)
 def _flies(model: int, state: int) -> bool:
     """Whether nothing can be touched, and `fly_blocks` knows the outputs."""
     m, s = string_model(model), string_state(state)
-    one_of_each = m.on_q <= 1 and m.points - m.on_q <= 1
-    return one_of_each and s.finger[0].on == 0 and (m.shapes.shape[0] == 0 or s.counts[FREE] != 0)
+    one_of_each = m.outputs.on_q <= 1 and m.outputs.points - m.outputs.on_q <= 1
+    return one_of_each and s.finger[0].on == 0 and (m.contacts.size == 0 or s.counts[FREE] != 0)
 
 
 @njit(cache=True, nogil=True)
@@ -86,7 +86,7 @@ def _whole_blocks(model: int, state: int, scratch: int, blocks: int, stride: int
     m, s = string_model(model), string_state(state)
     hold, fingered = m.law == EXACT_HOLD, s.finger[0].on != 0
     if _flies(model, state):
-        out = scratch_of(scratch).out[: m.points * stride].reshape(m.points, stride)
+        out = scratch_of(scratch).out[: m.outputs.points * stride].reshape(m.outputs.points, stride)
         fly_modes(model, scratch, s.q, s.v, s.counts[MOVING], blocks, out)
         return SOLVED
     if presses(model, state):

@@ -118,9 +118,9 @@ def one_by_one(model: int, state: int, scratch: int, begin: int, at: int, steps:
     pressed. What the laws of velocities need of the contacts is carried in the state (`stringmodel.place_contacts`).
     """
     m, s, w = string_model(model), string_state(state), scratch_of(scratch)
-    law, dt, restitution, contacts, points = m.law, m.dt, m.restitution, m.shapes.shape[0], m.points
+    law, dt, restitution, contacts, points = m.law, m.dt, m.restitution, m.contacts.size, m.outputs.points
     n = s.counts[MOVING]
-    rows, shapes, g, eta, q, v = m.rows, m.shapes, m.matrix, s.eta, s.q[:n], s.v[:n]
+    rows, shapes, g, eta, q, v = m.rows, m.contacts.shapes, m.contacts.matrix, s.eta, s.q[:n], s.v[:n]
     p11, p12, p21, p22 = rows[0, :n], rows[1, :n], rows[2, :n], rows[3, :n]
     kq, kv = rows[4, :n], rows[5, :n]
     u_contact, v_contact, force = s.u, s.v_contact, s.force
@@ -132,7 +132,7 @@ def one_by_one(model: int, state: int, scratch: int, begin: int, at: int, steps:
     status = SOLVED
     y, b, z, watch = w.y[:contacts], w.pivot.b[:contacts], w.z[:contacts], w.watch
     enabled, active = w.pivot.enabled[:contacts], w.pivot.active[:contacts]
-    wanted = m.weights[m.first : m.first + points]
+    wanted = m.outputs.weights[m.outputs.first : m.outputs.first + points]
     out = w.out[: points * (at + steps)].reshape(points, at + steps)
     record, contact_u = w.record, w.contact_u
 
@@ -239,7 +239,7 @@ def one_by_one(model: int, state: int, scratch: int, begin: int, at: int, steps:
                         v_contact[c] += g[c, d] * force[d]
                 u_contact[c] += dt * v_contact[c]
         for p in range(points):
-            out[p, at + t] = dot(wanted[p], q) if p < m.on_q else dot(wanted[p], v)
+            out[p, at + t] = dot(wanted[p], q) if p < m.outputs.on_q else dot(wanted[p], v)
         for c in range(contacts):
             record[(at + t) * contacts + c] = force[c]
         if contact_u.size > 0:
@@ -251,14 +251,14 @@ def one_by_one(model: int, state: int, scratch: int, begin: int, at: int, steps:
 @njit(inline="always")
 def has_answer(m) -> bool:
     """Whether layers, or a law of another module, give the forces of a step in the place of the contact problem."""
-    return m.step != 0 or m.layers.shape[1] != 0
+    return m.step != 0 or m.contacts.layers.shape[1] != 0
 
 
 @njit(**INNER)
 def _answer(model: int, state: int, scratch: int) -> int:
     """Find the forces of a step by layers or a law of another module (`contact_laws.ContactLaw.answer`): a status."""
     m = string_model(model)
-    if m.layers.shape[1] > 0:
+    if m.contacts.layers.shape[1] > 0:
         return answer_with_layers(model, state, scratch)
     return consult(m.step, model, state, scratch)
 

@@ -16,13 +16,13 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numba import njit
 
-from synth.native.arrays import aligned, allocate, f4, f8, i8, struct, u1
+from synth.native.arrays import aligned, allocate, f8, i8, struct, u1
 from synth.native.views import opener, table
 from synth.solver.block_rows import BLOCK, ROWS
 from synth.solver.lanes import padded, padded_single
 from synth.solver.laws import EXACT_HOLD, contact_matrix
 from synth.solver.responses import make_lags, make_rows, padded_rows
-from synth.solver.single import SingleRoom, fill_single_rows
+from synth.solver.single import SingleRoom, SingleTables, fill_single_rows
 from synth.solver.vectors import dot
 
 #: length of a response to a force during a block: its first half is zero, place K + l is l steps after the force's own
@@ -35,7 +35,7 @@ MOST_IN_BLOCKS = 256
 MOVING, CLOCK, CERTAIN, FREE = range(4)
 N_COUNTS = 4
 
-#: rows of StringModel.layers: spring [N/m] and dashpot [N s/m] of each contact's, how deep it is [m] (0: there is none)
+#: rows of ContactTables.layers: spring [N/m] and dashpot [N s/m] of each contact's, how deep it is [m] (0: there is none)
 STIFFNESS, RESISTANCE, DEPTH = range(3)
 
 #: a finger's row of the contact problem, a spring and a dashpot towards a path; `on` is 0 where none is near
@@ -52,6 +52,28 @@ FINGER = np.dtype(
 )
 
 
+class ContactTables(NamedTuple):
+    """Contacts under a string and how they answer."""
+
+    size: int
+    shapes: Annotated[np.ndarray, f8("contacts, modes")]
+    eta: Annotated[np.ndarray, f8("contacts")]  # heights where nothing raises the obstacle [m]
+    residual: Annotated[np.ndarray, f8("contacts, contacts")]
+    matrix: Annotated[np.ndarray, f8("contacts, contacts")]  # `laws.contact_matrix`
+    lags: Annotated[np.ndarray, f8("lagged, lagged, RESPONSE")]  # `responses.fill_lags`; lagged: contacts, or 0 of too many
+    layers: Annotated[np.ndarray, f8("3, layered")]  # if any has one (`layers`); layered: contacts, or 0
+
+
+class OutputTables(NamedTuple):
+    """What is heard of a string."""
+
+    first: int  # the outputs in use begin here, …
+    points: int  # … are so many, …
+    on_q: int  # … and the first so many of these are displacements
+    weights: Annotated[np.ndarray, f8("outputs, modes")]
+    lags: Annotated[np.ndarray, f8("outputs, lagged, RESPONSE")]  # of outputs to forces of contacts
+
+
 class StringModel(NamedTuple):
     """What does not change while a string sounds and nothing bends or damps it."""
 
@@ -60,28 +82,15 @@ class StringModel(NamedTuple):
     restitution: float
     mu: float  # [kg/m]
     modes: int  # N
-    first: int  # the outputs in use begin here, …
-    points: int  # … are so many, …
-    on_q: int  # … and the first so many of these are displacements
     certified: int  # whether contacts out of reach may be passed over
     step: int  # address of what answers in a step (`contact_laws.ContactLaw`), 0: the kernels know the law
-    single: int  # whether blocks of steps hold the modes in float32 (`single`)
     omega: Annotated[np.ndarray, f8("modes")]  # 1 behind the last mode: it is divided by
     sigma: Annotated[np.ndarray, f8("modes")]
     rows: Annotated[np.ndarray, f8("ROWS, modes")]  # step coefficients and what follows from them, see `lanes`
-    shapes: Annotated[np.ndarray, f8("contacts, modes")]
-    eta: Annotated[np.ndarray, f8("contacts")]  # heights where nothing raises the obstacle [m]
-    residual: Annotated[np.ndarray, f8("contacts, contacts")]
-    matrix: Annotated[np.ndarray, f8("contacts, contacts")]  # `laws.contact_matrix`
-    lags: Annotated[np.ndarray, f8("lagged, lagged, RESPONSE")]  # `responses.fill_lags`; lagged: contacts, or 0 of too many
-    weights: Annotated[np.ndarray, f8("outputs, modes")]
-    out_lags: Annotated[np.ndarray, f8("outputs, lagged, RESPONSE")]
     q_rest: Annotated[np.ndarray, f8("modes")]  # where it comes to rest
-    layers: Annotated[np.ndarray, f8("3, layered")]  # of the contacts, if any has one (`layers`); layered: contacts, or 0
-    # the same for modes in float32; singles: padded_single(N), or 0 where none are. Rows of none are made in each call
-    single_rows: Annotated[np.ndarray, f4("ROWS, singles")]
-    single_shapes: Annotated[np.ndarray, f4("contacts, singles")]
-    single_weights: Annotated[np.ndarray, f4("outputs, singles")]
+    contacts: ContactTables
+    outputs: OutputTables
+    single: SingleTables
 
 
 class Certificates(NamedTuple):
@@ -99,7 +108,7 @@ class Grip(NamedTuple):
 
     weights: Annotated[np.ndarray, f8("modes")]  # mode shapes averaged over its width
     coupling: Annotated[np.ndarray, f8("contacts")]  # S diag(k) weightsᵀ, of one step
-    own: Annotated[np.ndarray, f8("1, RESPONSE")]  # of its own row, as those in `StringModel.lags`
+    own: Annotated[np.ndarray, f8("1, RESPONSE")]  # of its own row, as those in `ContactTables.lags`
     contacts: Annotated[np.ndarray, f8("contacts, RESPONSE")]
     outputs: Annotated[np.ndarray, f8("outputs, RESPONSE")]
     far: Annotated[np.ndarray, f8("contacts")]  # bound on the displacement of a contact at any later time
@@ -264,36 +273,28 @@ def make_string(
         lags = make_lags(law != EXACT_HOLD, rows, shapes, shapes, matrix)
         kinds = ((False, weights[:on_q]), (True, weights[on_q:]))
         out_lags = np.concatenate([make_lags(velocity, rows, shapes, some) for velocity, some in kinds])
-    given = {
-        "omega": padded_omega,
-        "sigma": padded_rows(sigma, size),
-        "rows": rows,
-        "shapes": shapes,
-        "eta": _copy(eta),
-        "residual": _copy(residual),
-        "matrix": _copy(matrix),
-        "lags": _copy(lags),
-        "weights": weights,
-        "out_lags": _copy(out_lags),
-        "q_rest": padded_rows(np.zeros(n) if q_rest is None else q_rest, size),
-        "layers": _copy(np.zeros((3, 0)) if layers is None else layers),
-    }
-    extents = {"modes": size, "contacts": contacts, "lagged": lagged, "outputs": points, "singles": 0}
+    layers = np.zeros((3, 0)) if layers is None else layers
+    extents = {"contacts": contacts, "lagged": lagged, "layered": layers.shape[1], "outputs": points, "singles": 0}
+    sizes = SIZES | extents | {"modes": size}
+    tables = {"residual": _copy(residual), "matrix": _copy(matrix), "lags": _copy(lags), "layers": _copy(layers)}
+    heard = {"first": first, "points": in_use, "on_q": in_use_on_q, "weights": weights, "lags": _copy(out_lags)}
     model = allocate(
         StringModel,
-        SIZES | extents | {"layered": given["layers"].shape[1]},
+        sizes,
         law=law,
         dt=dt,
         restitution=restitution,
         mu=mu,
         modes=n,
-        first=first,
-        points=in_use,
-        on_q=in_use_on_q,
         certified=int(certified),
         step=step,
-        single=0,
-        **given,
+        omega=padded_omega,
+        sigma=padded_rows(sigma, size),
+        rows=rows,
+        q_rest=padded_rows(np.zeros(n) if q_rest is None else q_rest, size),
+        contacts=allocate(ContactTables, sizes, size=contacts, shapes=shapes, eta=_copy(eta), **tables),
+        outputs=allocate(OutputTables, sizes, **heard),
+        single=allocate(SingleTables, sizes, on=0),
     )
     return in_single(model) if single else model
 
@@ -303,12 +304,13 @@ def in_single(model: StringModel) -> StringModel:
     singles = padded_single(model.modes)
     rows = aligned((ROWS, singles), np.float32)
     fill_single_rows(model.rows, model.rows.shape[1], rows)
-    return model._replace(
-        single=1,
-        single_rows=rows,
-        single_shapes=padded_rows(model.shapes, singles, np.float32),
-        single_weights=padded_rows(model.weights, singles, np.float32),
-    )
+    shapes, weights = (padded_rows(each, singles, np.float32) for each in (model.contacts.shapes, model.outputs.weights))
+    return model._replace(single=SingleTables(1, rows, shapes, weights))
+
+
+def with_outputs(model: StringModel, first: int, points: int, on_q: int) -> StringModel:
+    """The model with these of its outputs in use."""
+    return model._replace(outputs=model.outputs._replace(first=first, points=points, on_q=on_q))
 
 
 def state_sizes(modes: int, contacts: int, outputs: int) -> dict[str, int]:
@@ -318,11 +320,11 @@ def state_sizes(modes: int, contacts: int, outputs: int) -> dict[str, int]:
 
 def make_state(model: StringModel, q: np.ndarray, v: np.ndarray) -> StringState:
     """A state at q, v (≥ N,) with the contacts at the model's heights, nothing pressed, nothing certain, no finger."""
-    state = allocate(StringState, state_sizes(model.modes, model.eta.size, model.weights.shape[0]))
+    state = allocate(StringState, state_sizes(model.modes, model.contacts.size, model.outputs.weights.shape[0]))
     state.q[: model.modes], state.v[: model.modes] = q[: model.modes], v[: model.modes]
-    state.eta[:] = model.eta
-    state.u[:] = model.shapes @ state.q
-    state.v_contact[:] = model.shapes @ state.v
+    state.eta[:] = model.contacts.eta
+    state.u[:] = model.contacts.shapes @ state.q
+    state.v_contact[:] = model.contacts.shapes @ state.v
     state.certificates.looked[:] = 1
     state.certificates.renewed[:] = -1
     state.counts[MOVING] = model.modes
@@ -359,7 +361,7 @@ class Strung:
         path: np.ndarray | None = None,
     ) -> None:
         self.model, self.state = model, make_state(model, q, v)
-        contacts, outputs = model.eta.size, model.weights.shape[0]
+        contacts, outputs = model.contacts.size, model.outputs.weights.shape[0]
         self.scratch = make_scratch(contacts, model.modes, outputs, steps, watched=steps if watched else 0, path=path)
         self._tables = [table(each) for each in (model, self.state, self.scratch)]
 
@@ -381,16 +383,16 @@ class Strung:
 
     def out(self, steps: int) -> np.ndarray:
         """(P, steps) the outputs in use after each step."""
-        return self.scratch.out[: self.model.points * steps].reshape(self.model.points, steps)
+        return self.scratch.out[: self.model.outputs.points * steps].reshape(self.model.outputs.points, steps)
 
     def forces(self, steps: int) -> np.ndarray:
         """(steps, C) contact unknowns."""
-        contacts = self.model.eta.size
+        contacts = self.model.contacts.size
         return self.scratch.record[: steps * contacts].reshape(steps, contacts)
 
     def contact_u(self, steps: int) -> np.ndarray:
         """(steps, C) displacements of the contacts, where watched."""
-        contacts = self.model.eta.size
+        contacts = self.model.contacts.size
         return self.scratch.contact_u[: steps * contacts].reshape(steps, contacts)
 
 
@@ -399,17 +401,17 @@ def place_contacts(model: int, state: int, modes: int) -> None:
     """Displacements and velocities of the contacts as so many modes have them."""
     m, s = string_model(model), string_state(state)
     q, v = s.q[:modes], s.v[:modes]
-    for c in range(m.shapes.shape[0]):
-        s.u[c] = dot(m.shapes[c], q)
-        s.v_contact[c] = dot(m.shapes[c], v)
+    for c in range(m.contacts.size):
+        s.u[c] = dot(m.contacts.shapes[c], q)
+        s.v_contact[c] = dot(m.contacts.shapes[c], v)
 
 
 @njit(inline="always")
 def place_of(m, s, c: int, q) -> float:
     """S q + R λ of a contact [m]: the modes left out move it, too."""
-    u = dot(m.shapes[c], q)
-    for d in range(m.shapes.shape[0]):
-        u += m.residual[c, d] * s.force[d]
+    u = dot(m.contacts.shapes[c], q)
+    for d in range(m.contacts.size):
+        u += m.contacts.residual[c, d] * s.force[d]
     return u
 
 

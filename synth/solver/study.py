@@ -73,9 +73,9 @@ def write_output(study: int) -> None:
     """One row of every result, from the state as it is and the contact forces recorded since the row before."""
     r, out = run_tables(study), results_of(study)
     m, s = string_model(r.watched), string_state(r.state)
-    row, contacts, q = out.counts[ROW], m.shapes.shape[0], s.q[: m.modes]
-    for p in range(m.points):
-        out.u[row, p] = dot(m.weights[p], q)
+    row, contacts, q = out.counts[ROW], m.contacts.size, s.q[: m.modes]
+    for p in range(m.outputs.points):
+        out.u[row, p] = dot(m.outputs.weights[p], q)
     for c in range(contacts):
         out.contact_u[row, c] = place_of(m, s, c, q)
     _close_row(study)
@@ -84,7 +84,7 @@ def write_output(study: int) -> None:
 @njit(inline="always")
 def _softness(m, c: int) -> float:
     """How deep a contact gives way before it is rigid [m]."""
-    return m.layers[DEPTH, c] if m.layers.shape[1] > 0 else 0.0
+    return m.contacts.layers[DEPTH, c] if m.contacts.layers.shape[1] > 0 else 0.0
 
 
 @njit(**INNER)
@@ -95,7 +95,7 @@ def _close_row(study: int) -> None:
     row = out.counts[ROW]
     scale = 1.0 if m.law == EXACT_HOLD else 1.0 / m.dt
     steps = out.counts[PHASE]
-    for c in range(m.shapes.shape[0]):
+    for c in range(m.contacts.size):
         out.sums[PENETRATION] = max(out.sums[PENETRATION], s.eta[c] - _softness(m, c) - out.contact_u[row, c])
         total = 0.0
         for t in range(steps):
@@ -113,7 +113,7 @@ def certify_watch(study: int) -> None:
     """Clear Scratch.watch of contacts that free motion cannot reach from here; exact-hold only."""
     r = run_tables(study)
     m, s, w = string_model(r.whole), string_state(r.state), scratch_of(r.stepping)
-    contacts, q, v = m.shapes.shape[0], s.q[: m.modes], s.v[: m.modes]
+    contacts, q, v = m.contacts.size, s.q[: m.modes], s.v[: m.modes]
     for c in range(contacts):
         w.watch[c] = 1
     if m.law == EXACT_HOLD and contacts > 1:
@@ -121,10 +121,10 @@ def certify_watch(study: int) -> None:
         amplitudes(m.omega, m.sigma, q, v, amplitude)
         for c in range(contacts):
             # the bound is a sum of N roundings too: leave it a margin
-            if reach(m.shapes[c], amplitude) * (1.0 + 1e-9) < -m.eta[c]:
+            if reach(m.contacts.shapes[c], amplitude) * (1.0 + 1e-9) < -m.contacts.eta[c]:
                 w.watch[c] = 0
             elif r.part_records.shape[0] > 1:
-                s.u[c] = dot(m.shapes[c], q)
+                s.u[c] = dot(m.contacts.shapes[c], q)
 
 
 @njit(cache=True, nogil=True)
@@ -132,14 +132,14 @@ def advance_study(study: int, n_steps: int) -> None:
     """`driver.run`, compiled: n steps, or as many as there are rows for."""
     r, out = run_tables(study), results_of(study)
     m, s, w = string_model(r.whole), string_state(r.state), scratch_of(r.stepping)
-    every, contacts, fingered = r.records.shape[0], m.shapes.shape[0], s.finger[0].on != 0
+    every, contacts, fingered = r.records.shape[0], m.contacts.size, s.finger[0].on != 0
     ledger = out.energy.shape[0] > 0
     moves = r.heights.size > 0
     count = 1 if moves else r.part_records.shape[0]
     for c in range(contacts):  # model and finger may be others than in the call before
         w.watch[c] = 1
     blocks = string_model(r.watched)
-    tabled = not has_answer(blocks) and blocks.lags.shape[0] == contacts
+    tabled = not has_answer(blocks) and blocks.contacts.lags.shape[0] == contacts
     in_blocks = tabled and not (ledger or moves or fingered) and (count == 1 or contacts == 1)
     s.counts[CERTAIN] = 0
     done = int(np.int64(0))  # literals would have kernels that are called with it compiled once more
@@ -263,7 +263,7 @@ def divided_step(study: int, begin: int) -> None:
     """One step, in parts where `substeps` says so or a finger is on, which is at path[begin]; weighed if asked for."""
     r, out = run_tables(study), results_of(study)
     m, s, w = string_model(r.whole), string_state(r.state), scratch_of(r.stepping)
-    phase, count, contacts, q = out.counts[PHASE], r.part_records.shape[0], m.shapes.shape[0], s.q[: m.modes]
+    phase, count, contacts, q = out.counts[PHASE], r.part_records.shape[0], m.contacts.size, s.q[: m.modes]
     ledger = out.energy.shape[0] > 0
     w.watch[:] = 1
     after = w.modes.after[:contacts]
@@ -282,7 +282,7 @@ def divided_step(study: int, begin: int) -> None:
             r.records[phase, c] = 0.0
             for k in range(count):
                 r.records[phase, c] += r.part_records[k, c] / count
-            after[c] = dot(m.shapes[c], q)
+            after[c] = dot(m.contacts.shapes[c], q)
     touched = False
     for c in range(contacts):
         touched = touched or r.records[phase, c] > 0.0
@@ -293,8 +293,8 @@ def divided_step(study: int, begin: int) -> None:
 @njit(**INNER)
 def _raise(study: int, displacement: float) -> None:
     m, s = string_model(run_tables(study).whole), string_state(run_tables(study).state)
-    for c in range(m.eta.size):
-        s.eta[c] = m.eta[c] + displacement
+    for c in range(m.contacts.size):
+        s.eta[c] = m.contacts.eta[c] + displacement
 
 
 @njit(**INNER)
@@ -315,10 +315,10 @@ def _rise(study: int, before: float, after: float) -> None:
         _raise(study, after)
         return
     old, new = r.risen[0] / m.dt, (after - before) / m.dt
-    for c in range(m.eta.size):
+    for c in range(m.contacts.size):
         relative = s.v_contact[c] - old
         s.v_contact[c] = m.restitution * relative - new
-        s.eta[c] = m.eta[c] + before
+        s.eta[c] = m.contacts.eta[c] + before
         if m.law == MOREAU_JEAN_FILTERED:
             s.eta[c] += 0.5 * m.dt * (s.v_contact[c] - relative)
 
@@ -335,7 +335,7 @@ def weighed_step(study: int, model: int, scratch: int, begin: int, at: int) -> N
     """One step with its place in the energy ledger; heights from number `begin` on, forces to row `at` of the record."""
     r, out = run_tables(study), results_of(study)
     m, s = string_model(model), string_state(r.state)
-    n, contacts = m.modes, m.shapes.shape[0]
+    n, contacts = m.modes, m.contacts.size
     omega, gain, factor = m.omega[:n], m.rows[5, :n], r.factor
     q, v, weights, finger = s.q[:n], s.v[:n], s.grip.weights[:n], s.finger[0]
     hold = m.law == EXACT_HOLD
@@ -361,17 +361,17 @@ def weighed_step(study: int, model: int, scratch: int, begin: int, at: int) -> N
         for j in range(n):
             w_free[j] = m.rows[2, j] * before_q[j] + m.rows[3, j] * before_v[j]
     for c in range(contacts):
-        shape = m.shapes[c, :n]
+        shape = m.contacts.shapes[c, :n]
         after = dot(shape, q)
         depth = s.eta[c] - after
         for d in range(contacts):
-            depth -= m.residual[c, d] * s.force[d]
+            depth -= m.contacts.residual[c, d] * s.force[d]
         out.sums[PENETRATION] = max(out.sums[PENETRATION], depth - _softness(m, c))
         strength = s.force[c]
         if strength > 0.0:
             if moves:
                 mean = strength if hold else strength / m.dt
-                lifted += mean * (s.eta[c] - (m.eta[c] + r.heights[begin]))
+                lifted += mean * (s.eta[c] - (m.contacts.eta[c] + r.heights[begin]))
             if hold:
                 worked += strength * (after - dot(shape, before_q))
             else:
@@ -383,7 +383,7 @@ def weighed_step(study: int, model: int, scratch: int, begin: int, at: int) -> N
         else:
             injected = impulse_work(weights, gain, omega, factor, m.mu, m.dt, before_q, w_free, v, push)
     after_stored = stored(m.law, omega, factor, m.mu, m.dt, q, v)
-    after_spring = spring(m.residual, s.force) + held_by_layers(model, r.state)
+    after_spring = spring(m.contacts.residual, s.force) + held_by_layers(model, r.state)
     sums = out.sums
     rise = after_stored + after_spring - sums[STORED] - sums[SPRING] - injected - lifted
     viscous = sums[STORED] - after_stored + worked + injected

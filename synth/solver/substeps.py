@@ -36,10 +36,10 @@ def clear_step(model: int, state: int, scratch: int) -> bool:
     for j in range(n):
         free_q[j] = p11[j] * q[j] + p12[j] * v[j]
         free_v[j] = p21[j] * q[j] + p22[j] * v[j]
-    for c in range(m.shapes.shape[0]):
+    for c in range(m.contacts.size):
         w.modes.after[c] = s.u[c]
         if w.watch[c]:
-            w.modes.after[c] = dot(m.shapes[c], free_q)
+            w.modes.after[c] = dot(m.contacts.shapes[c], free_q)
             if w.modes.after[c] < s.eta[c]:
                 return False
     return True
@@ -63,9 +63,9 @@ def advance_substepped(model: int, part: int, state: int, scratch: int, count: i
     Scratch.record has room for the parts.
     """
     m, s, w = string_model(model), string_state(state), scratch_of(scratch)
-    contacts, n = m.shapes.shape[0], m.modes
+    contacts, n = m.contacts.size, m.modes
     q, v, after = s.q[:n], s.v[:n], w.modes.after[:contacts]
-    steps, wanted = record.shape[0], m.weights[m.first : m.first + m.points]
+    steps, wanted = record.shape[0], m.outputs.weights[m.outputs.first : m.outputs.first + m.outputs.points]
     status = SOLVED
     for t in range(steps):
         for c in range(contacts):
@@ -83,13 +83,13 @@ def advance_substepped(model: int, part: int, state: int, scratch: int, count: i
             if bad != SOLVED:
                 status = bad
             for c in range(contacts):
-                after[c] = dot(m.shapes[c], q)
+                after[c] = dot(m.contacts.shapes[c], q)
                 for k in range(count):
                     force = w.record[k * contacts + c]
                     record[t, c] += force / count
                     touched = touched or force > 0.0
         divide[0] = 1 if touched or arriving(contacts, s.eta, s.u, after) else 0
         put(s.u, after)
-        for p in range(m.points):
+        for p in range(m.outputs.points):
             w.out[p * steps + t] = dot(wanted[p], q)
     return status

@@ -115,7 +115,7 @@ def test_tables_that_waited_are_those_of_the_bend(line: int) -> None:
     ensure_tables(address_of(made), line, int(made._thread_table.ctypes.data))
     assert end.counts[coupling.DUE] == READY
     model = made._strings.models[made._sounding.hands["model"][line]]
-    own, n, contacts = made._strings.coefficients.items[line], model.modes, model.eta.size
+    own, n, contacts = made._strings.coefficients.items[line], model.modes, model.contacts.size
     ratio = 2.0 ** (made._sounding.expressions["bend"][line] / 12.0)
     assert own.omega[0] == pytest.approx(ratio * model.omega[0], rel=1e-9) and ratio < 0.95
     step = coefficients(EXACT_HOLD, own.omega[:n], end.sigma[:n], model.mu, model.dt)
@@ -128,7 +128,8 @@ def test_tables_that_waited_are_those_of_the_bend(line: int) -> None:
         atol=1e-13,
     )
     matrix = np.empty((contacts, contacts))
-    contact_matrix(EXACT_HOLD, step, np.ascontiguousarray(model.shapes[:, :n]), model.residual / ratio**2, matrix)
+    under = model.contacts
+    contact_matrix(EXACT_HOLD, step, np.ascontiguousarray(under.shapes[:, :n]), under.residual / ratio**2, matrix)
     np.testing.assert_allclose(own.matrix[: contacts**2].reshape(contacts, contacts), matrix, rtol=1e-9)
     assert string.due[:contacts].all()
 
@@ -155,7 +156,7 @@ def test_a_certificate_that_outlives_a_bend_is_true() -> None:
         play(made, rows, layout.QUANTUM)
         at += layout.QUANTUM
         for line, end in enumerate(ends_of(made)):
-            contacts = made._strings.models[made._sounding.hands["model"][line]].eta.size
+            contacts = made._strings.models[made._sounding.hands["model"][line]].contacts.size
             if end.counts[coupling.ENGAGED] or contacts == 0 or not end.certificate.clearance[:contacts].any():
                 continue
             before = [array.copy() for array in (end.numbers, end.counts, end.certificate.clearance, end.certificate.bound)]

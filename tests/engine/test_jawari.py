@@ -102,12 +102,12 @@ def test_a_string_is_at_rest_on_a_raised_bridge(of: Preset) -> None:
     frame = SETTLED // QUANTUM * QUANTUM
     play(still, [raise_to(0, height_um), (frame - 1, NOTE_ON, 0, 43, 1)], frame + QUANTUM, QUANTUM)
     model = model_of(still, 0)
-    eta = string_of(still, 0).eta[: model.eta.size]
-    np.testing.assert_array_equal(eta, model.eta + 1e-6 * height_um)
+    eta = string_of(still, 0).eta[: model.contacts.size]
+    np.testing.assert_array_equal(eta, model.contacts.eta + 1e-6 * height_um)
     q = np.zeros(model.omega.size)
     expected = engine(low(of, height_um)).compiled[0].strings[0].positions[0].q_rest
     q[: expected.size] = expected
-    pressed = model.shapes @ q
+    pressed = model.contacts.shapes @ q
     assert np.all(pressed > 0.4 * eta) and expected.any()
     # in one frame, softly, the finger has moved it by much less than a thousandth of that
     np.testing.assert_allclose(state_of(still, 0)[0], q[: model.modes], rtol=0, atol=1e-3 * np.abs(q).max())
@@ -158,7 +158,7 @@ def test_pressure_moves_a_curved_bridge() -> None:
     made = engine(pressed)
     rows = [(0, NOTE_ON, 0, 43, 110), (4000, KEY_PRESSURE, 0, 43, 127)]
     out = play(made, rows, 20000)
-    assert string_of(made, 0).eta[0] == pytest.approx(model_of(made, 0).eta[0] + 4e-5, abs=1e-12)
+    assert string_of(made, 0).eta[0] == pytest.approx(model_of(made, 0).contacts.eta[0] + 4e-5, abs=1e-12)
     assert not np.array_equal(out, play(engine(pressed), rows[:1], 20000))
     assert bank_of(made).models["settling"].max() == 4
 

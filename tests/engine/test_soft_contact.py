@@ -121,12 +121,12 @@ def test_a_string_pressed_into_a_layer_rests_there() -> None:
         play(made, [(0, NOTE_ON, 0, 43, 1)], 64)
         sounding, model = made._sounding, model_of(made, 0)
         response = float(bank_of(made).models["static_response"][sounding.hands["model"][0]])
-        height = float(model.eta[0]) + 1e-6 * height_um
+        height = float(model.contacts.eta[0]) + 1e-6 * height_um
         force = max(height / (response + 1.0 / 30e3), (height - 8e-6) / response)
         assert sounding.motions["lift"][0] == pytest.approx(force, rel=1e-9)
         assert force < height / response
         q, _ = state_of(made, 0)
-        rest = model.shapes[0, : q.size] * force / (model.mu * model.omega[: q.size] ** 2)
+        rest = model.contacts.shapes[0, : q.size] * force / (model.mu * model.omega[: q.size] ** 2)
         assert np.abs(q - rest).max() < 0.2 * np.abs(rest).max()
 
 

@@ -224,7 +224,7 @@ def line(made) -> tuple[np.ndarray, np.ndarray, float]:
     xi = np.linspace(0.005, 0.4, 40)
     k = np.arange(1, q.size + 1) * math.pi / model["length"]
     shape = math.sqrt(2.0 / model["length"]) * np.sin(np.outer(model["length"] - xi, k))
-    weights = model_of(made, 0).weights[0, : q.size]
+    weights = model_of(made, 0).outputs.weights[0, : q.size]
     return shape @ q + model["rest_height"] * xi / model["length"], shape @ v, float(weights @ q + model["line_output"])
 
 

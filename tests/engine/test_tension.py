@@ -136,7 +136,7 @@ def energy_now(made: Engine, s: int) -> float:
     if not made._sounding.motions["altered"][s]:
         return energy(made, s)
     omega = made._strings.coefficients.items[s].omega[: q.size]
-    force, residual = made._strings.states.items[s].force, model_of(made, s).residual
+    force, residual = made._strings.states.items[s].force, model_of(made, s).contacts.residual
     held = force[: residual.shape[0]]
     return 0.5 * model_of(made, s).mu * float(np.sum(v**2 + (omega * q) ** 2)) + 0.5 * float(held @ residual @ held)
 

@@ -126,7 +126,7 @@ def test_ten_thousand_steps_of_a_case(name, overrides):
     q0, v0 = case.initial()
     model = case.model
     scene = Scene.__new__(Scene)
-    scene.law, scene.dt, scene.g = model.string.law, model.string.dt, model.string.matrix
+    scene.law, scene.dt, scene.g = model.string.law, model.string.dt, model.string.contacts.matrix
     scene.mu, scene.omega, _ = model.modes
     scene.shapes, scene.eta, scene.residual, *_ = model.under
     scene.coef = np.ascontiguousarray(model.string.rows[:6, : model.string.modes])
@@ -182,10 +182,8 @@ def test_kernels_of_the_engine(use, eta):
             same(string.contact_u(steps), u, 1e-11, "contact position")
             same(string.forces(steps), force, 1e-10, "contact force") if eta == 0.0 else None
         else:
-            model, state = string.model, string.state
-            fly_blocks(
-                steps // BLOCK, model.rows.shape[1], model.rows, state.q, state.v, model.weights, on_q, string.out(steps)
-            )
+            rows, weights, state = string.model.rows, string.model.outputs.weights, string.state
+            fly_blocks(steps // BLOCK, rows.shape[1], rows, state.q, state.v, weights, on_q, string.out(steps))
             advance_free(steps, scene.coef, a, b, *both, 1, 1, *expected)
         same(string.q, a, 1e-11, "q")
         same(string.v, b, 1e-11, "v")

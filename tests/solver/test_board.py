@@ -98,7 +98,7 @@ class Run:
         self.table = table(self.board, self.room)
         self.string = scene.string(steps, None if touch is None else np.zeros(steps + 1))
         self.touch, self.made = touch, 0
-        weights = self.string.model.weights
+        weights = self.string.model.outputs.weights
         self.board.weights[:] = weights
         fill_slack(self.table.ctypes.data, scene.omega, scene.sigma, MU, scene.dt)
         if touch is not None:

@@ -9,7 +9,7 @@ from synth.solver.due_responses import ROW_DUE, fill_all_rows, fill_contact_matr
 from synth.solver.fingers import fill_grip
 from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN
 from synth.solver.step import advance
-from synth.solver.stringmodel import Strung
+from synth.solver.stringmodel import Strung, with_outputs
 from tests.solver.test_blocks import Scene
 from tests.solver.test_fingers import Touch, under_finger
 
@@ -22,8 +22,8 @@ def made(scene: Scene, outputs: int, steps: int = 240, certified: bool = False, 
 
 def wait(string: Strung) -> Strung:
     """All responses are wrong until they are filled."""
-    string.model.lags[:] = WRONG
-    string.model.out_lags[:] = WRONG
+    string.model.contacts.lags[:] = WRONG
+    string.model.outputs.lags[:] = WRONG
     model, state, _ = string.addresses
     put_off(model, state)
     return string
@@ -31,9 +31,9 @@ def wait(string: Strung) -> Strung:
 
 def wait_for_rows(string: Strung, relief: float = 0.0) -> Strung:
     """…and so is the matrix."""
-    string.model.matrix[:] = WRONG
-    string.model.lags[:] = WRONG
-    string.model.out_lags[:] = WRONG
+    string.model.contacts.matrix[:] = WRONG
+    string.model.contacts.lags[:] = WRONG
+    string.model.outputs.lags[:] = WRONG
     model, state, _ = string.addresses
     put_off_rows(model, state, relief)
     return string
@@ -43,21 +43,21 @@ def wait_for_rows(string: Strung, relief: float = 0.0) -> Strung:
 def test_rows_of_the_matrix_are_those_filled_at_once(contacts: int, modes: int) -> None:
     scene = Scene(contacts, EXACT_HOLD, contacts, modes)
     at_once = made(scene, 2)
-    assert at_once.model.residual.any()
+    assert at_once.model.contacts.residual.any()
     fill_contact_matrix(at_once.addresses[0], 0.25)
-    wanted = at_once.model.matrix
+    wanted = at_once.model.contacts.matrix
     for order in range(4):
         string = wait_for_rows(made(scene, 2), 0.25)
         model, state, _ = string.addresses
-        np.testing.assert_allclose(string.model.matrix.diagonal(), wanted.diagonal(), rtol=1e-13)
+        np.testing.assert_allclose(string.model.contacts.matrix.diagonal(), wanted.diagonal(), rtol=1e-13)
         for number, c in enumerate(np.random.default_rng(order).permutation(contacts)[:-1]):
             assert np.count_nonzero(string.state.due == ROW_DUE) == contacts - number
             fill_row(model, state, c)
-            for table in (string.model.matrix, string.model.lags[:, :, BLOCK]):
+            for table in (string.model.contacts.matrix, string.model.contacts.lags[:, :, BLOCK]):
                 np.testing.assert_allclose(table[c], wanted[c], rtol=1e-13)
                 np.testing.assert_array_equal(table[c], table[:, c])
         fill_all_rows(model, state)
-        np.testing.assert_allclose(string.model.matrix, wanted, rtol=1e-13)
+        np.testing.assert_allclose(string.model.contacts.matrix, wanted, rtol=1e-13)
         assert not (string.state.due == ROW_DUE).any()
 
 
@@ -88,20 +88,21 @@ def test_in_any_order_they_are_those_filled_at_once(law, contacts, modes):
             assert np.array_equal(np.flatnonzero(string.state.due), sorted(left))
             fill_due(*string.addresses, c)
             left.remove(c)
-            for name in ("lags", "out_lags"):
-                np.testing.assert_array_equal(getattr(string.model, name)[:, c], getattr(at_once.model, name)[:, c])
-            np.testing.assert_array_equal(string.model.lags[c], at_once.model.lags[c])
+            for name in ("contacts", "outputs"):
+                here, there = (getattr(each.model, name).lags[:, c] for each in (string, at_once))
+                np.testing.assert_array_equal(here, there)
+            np.testing.assert_array_equal(string.model.contacts.lags[c], at_once.model.contacts.lags[c])
         assert not string.state.due.any()
 
 
 def test_only_outputs_in_use_are_filled():
     string = wait(made(Scene(1, EXACT_HOLD, 3, 40), 2))
-    only_v = string.model._replace(first=1, points=1, on_q=0)
+    only_v = with_outputs(string.model, 1, 1, 0)
     other = Strung(only_v, string.q, string.v, 8)
     other.state.due[:] = 1
     fill_due(*other.addresses, 1)
-    assert (string.model.out_lags[0, 1] == WRONG).all()
-    assert (string.model.out_lags[1, 1] != WRONG).all()
+    assert (string.model.outputs.lags[0, 1] == WRONG).all()
+    assert (string.model.outputs.lags[1, 1] != WRONG).all()
 
 
 @pytest.mark.parametrize("fingered", [False, True])

@@ -21,7 +21,7 @@ from .test_energy import build, random_scene, run
 def random_layers(rng, model: Model) -> np.ndarray:
     """Springs from far softer to far stiffer than the string at the contact, with and without loss, some contacts bare."""
     contacts = model.under.eta.size
-    stiffness = 10 ** rng.uniform(-2.0, 2.0, contacts) / np.diag(model.string.matrix)
+    stiffness = 10 ** rng.uniform(-2.0, 2.0, contacts) / np.diag(model.string.contacts.matrix)
     resistance = 10 ** rng.uniform(-2.0, 1.0, contacts) * stiffness * model.string.dt * (rng.random(contacts) < 0.8)
     return np.array([stiffness, resistance, 10 ** rng.uniform(-6.0, -3.0, contacts) * (rng.random(contacts) < 0.8)])
 
@@ -44,10 +44,10 @@ def test_layers_gain_nothing_and_have_an_end(compliant: bool) -> None:
         stored, held, viscous, contact, injected = state.results.energy.T
         np.testing.assert_allclose(stored + held + viscous + contact, stored[0] + held[0], rtol=1e-12)
         assert not injected.any()
-        depth = model.under.eta - state.results.contact_u
+        depth, layers = model.under.eta - state.results.contact_u, model.string.contacts.layers
         touched += state.results.counts[driver.CONTACT_STEPS] > 0
-        sunk += bool(np.any((depth > 1e-9) & (depth < 0.99 * model.string.layers[DEPTH])))
-        through += bool(np.any((depth > model.string.layers[DEPTH] - 1e-12) & (model.string.layers[DEPTH] > 0.0)))
+        sunk += bool(np.any((depth > 1e-9) & (depth < 0.99 * layers[DEPTH])))
+        through += bool(np.any((depth > layers[DEPTH] - 1e-12) & (layers[DEPTH] > 0.0)))
         lost += bool(contact[-1] > 1e-6 * stored[0])
     assert min(touched, sunk, through, lost) > 80, (touched, sunk, through, lost)
 
@@ -102,12 +102,13 @@ def test_the_kernel_is_what_trying_every_way_gives(contacts: int) -> None:
         for _ in range(25):
             u = model.under.shapes @ state.q + model.under.residual @ state.force
             free = model.under.eta - model.under.shapes @ (coef[0] * state.q + coef[1] * state.v)
-            wanted = answer(model.string.matrix, free, model.under.eta - u, model.string.layers, model.string.dt)
+            matrix, layers = model.string.contacts.matrix, model.string.contacts.layers
+            wanted = answer(matrix, free, model.under.eta - u, layers, model.string.dt)
             driver.run(model, state, 1)
-            scale = max(wanted.max(), np.abs(free).max() / np.diag(model.string.matrix).max())
+            scale = max(wanted.max(), np.abs(free).max() / np.diag(matrix).max())
             assert state.force == pytest.approx(wanted, abs=1e-8 * scale)
             depth = model.under.eta - model.under.shapes @ state.q - model.under.residual @ state.force
-            ways |= set(zip((wanted > 0.0).tolist(), (depth < model.string.layers[DEPTH] - 1e-13).tolist(), strict=True))
+            ways |= set(zip((wanted > 0.0).tolist(), (depth < layers[DEPTH] - 1e-13).tolist(), strict=True))
     assert ways >= {(False, True), (True, True), (True, False)}
 
 
@@ -160,10 +161,11 @@ def test_at_rest_it_gives_way_as_far_as_it_must() -> None:
         q, force, status = driver.static_contact(model, np.zeros(model.modes.omega.size))
         assert status == SOLVED and force.min() >= 0.0
         depth = model.under.eta - model.under.shapes @ q - model.under.residual @ force
-        assert np.all(depth <= model.string.layers[DEPTH] + 1e-12)
-        inside = (depth > 1e-9) & (depth < model.string.layers[DEPTH] - 1e-9)
-        np.testing.assert_allclose(force[inside], (model.string.layers[STIFFNESS] * depth)[inside], rtol=1e-6)
-        soft, stopped = soft + inside.any(), stopped + bool(np.any(force > 1.01 * model.string.layers[STIFFNESS] * depth))
+        layers = model.string.contacts.layers
+        assert np.all(depth <= layers[DEPTH] + 1e-12)
+        inside = (depth > 1e-9) & (depth < layers[DEPTH] - 1e-9)
+        np.testing.assert_allclose(force[inside], (layers[STIFFNESS] * depth)[inside], rtol=1e-6)
+        soft, stopped = soft + inside.any(), stopped + bool(np.any(force > 1.01 * layers[STIFFNESS] * depth))
         state = run(model, q, np.zeros(q.size), 50, force=force)
         assert state.results.sums[driver.RISE] <= 1e-12
         assert np.abs(state.q - q).max() <= 1e-8 * np.abs(q).max()

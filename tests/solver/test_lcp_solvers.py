@@ -244,7 +244,7 @@ def sequence(which: str) -> tuple[np.ndarray, np.ndarray]:
         x = np.arange(1, 41) * 1.5e-3
         obstacle = {"positions_m": list(x), "heights_m": list(-0.07 * x * x)}
     here = scene(obstacle, 88_200.0, 231)
-    return here.model.string.matrix, contact_problems(here.model, *here.initial(), 2205)
+    return here.model.string.contacts.matrix, contact_problems(here.model, *here.initial(), 2205)
 
 
 @pytest.fixture(scope="module", params=["frets", "wall", "bridge"])

@@ -135,7 +135,7 @@ def gaps(kernel: Kernel) -> np.ndarray:
     """Of the first string's contacts, as its modes have them."""
     model, end, n = kernel.models[0], kernel.ends[0], kernel.system.lines[0].omega.size
     height = float(kernel.coupling.lines.direction[0] @ kernel.coupling.bridge.beta)
-    return model.shapes[:, :n] @ kernel.states[0].q[:n] + end.leverage * height - kernel.states[0].eta
+    return model.contacts.shapes[:, :n] @ kernel.states[0].q[:n] + end.leverage * height - kernel.states[0].eta
 
 
 @pytest.mark.parametrize("pushed", ["nothing", "contact", "bridge", "finger"])
@@ -160,7 +160,7 @@ def test_nothing_moves_further_than_is_spent(pushed: str) -> None:
         if pushed == "contact":
             end.counts[coupling.NEAR], end.block.near[0] = 1, rng.integers(end.block.left.size)
             end.block.forces[0, 0] = rng.uniform(0.0, 1.0)
-            shape, force = model.shapes[end.block.near[0], :n], end.block.forces[0, 0]
+            shape, force = model.contacts.shapes[end.block.near[0], :n], end.block.forces[0, 0]
         elif pushed == "finger":
             line = kernel.system.lines[0]
             where = rng.uniform(0.1, 0.9) * line.length_m
@@ -173,9 +173,9 @@ def test_nothing_moves_further_than_is_spent(pushed: str) -> None:
             end.block.forces[-1, 0] += more
             shape, force = state.grip.weights[:n], state.finger[0]["push"] + more
         elif pushed == "bridge":
-            turn, speed, shape, force = rng.uniform(-0.1, 0.1), rng.uniform(-0.1, 0.1), model.shapes[0, :n], 0.0
+            turn, speed, shape, force = rng.uniform(-0.1, 0.1), rng.uniform(-0.1, 0.1), model.contacts.shapes[0, :n], 0.0
         else:
-            shape, force = model.shapes[0, :n], 0.0
+            shape, force = model.contacts.shapes[0, :n], 0.0
         if not there.any():
             continue
         lasts = end.block.known[coupling.LASTS]
@@ -188,7 +188,7 @@ def test_nothing_moves_further_than_is_spent(pushed: str) -> None:
             push = force if step == 0 else (state.finger[0]["push"] if pushed == "finger" else 0.0)
             q, v = q + rows[4, :n] * shape * push, v + rows[5, :n] * shape * push
             way = end.leverage * (speed * model.dt * min(step + 1, steps))
-            now = model.shapes[:, :n] @ q - model.shapes[:, :n] @ state.q[:n] + way
+            now = model.contacts.shapes[:, :n] @ q - model.contacts.shapes[:, :n] @ state.q[:n] + way
             assert np.all(-now[there] <= allowed[there]), (pushed, seed, step)
             closest = min(closest, float((1.0 + now[there] / allowed[there]).min()))
     assert closest < 0.9

@@ -43,7 +43,7 @@ def bass():
     from pathlib import Path
 
     scene = Scene(load_case("bass", internal_rate_hz=88_200.0, output_rate_hz=88_200.0, modes=231), Path())
-    return scene.model.string.matrix, contact_problems(scene.model, *scene.initial(), 2205)
+    return scene.model.string.contacts.matrix, contact_problems(scene.model, *scene.initial(), 2205)
 
 
 @pytest.mark.parametrize("solver", [name for name in siconos.SOLVERS if name != "enum"])

@@ -171,14 +171,14 @@ def plain_of(player: scenes.Player) -> PlainInstrument:
     for s, end in zip(strings.bridges.strings, strings.bridges.ends.items, strict=True):
         models = strings.built.flights if sounding.motions["flying"][s] else strings.models
         model, heights = models[sounding.hands["model"][s]], strings.states.items[s].eta
-        n, contacts = model.modes, model.eta.size
+        n, contacts = model.modes, model.contacts.size
         ramp = -np.array(end.kick[:n])
         lines.append(
             LineArrays(
                 float(end.numbers[LENGTH]), float(end.numbers[TENSION]), model.mu, np.array(model.omega[:n]),
                 np.array(model.sigma[:n]), ramp, np.array(coupling.lines.direction[len(lines)]),
-                np.array(model.shapes[:, :n]), np.array(end.leverage[:contacts]), np.array(heights[:contacts]),
-                np.array(model.residual),
+                np.array(model.contacts.shapes[:, :n]), np.array(end.leverage[:contacts]), np.array(heights[:contacts]),
+                np.array(model.contacts.residual),
             )
         )  # fmt: skip
     steps = [int(r) if line.eta.size else 1 for r, line in zip(coupling.lines.steps, lines, strict=True)]

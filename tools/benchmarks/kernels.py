@@ -116,7 +116,7 @@ def _one(plucked: Plucked, steps: int) -> Stretch:
     out, none, coef = np.zeros(steps), np.zeros(0), coefficients_of(plucked.model)
 
     def take(m: Model, q: np.ndarray, v: np.ndarray) -> None:
-        shape, eta, g = m.under.shapes[0], m.under.eta[0], m.string.matrix[0, 0]
+        shape, eta, g = m.under.shapes[0], m.under.eta[0], m.string.contacts.matrix[0, 0]
         advance_one(steps, coef, shape, eta, g, q, v, m.out_shapes[0], m.out_shapes[0], 1, 0, out, none)
 
     return _with_state(plucked, take)
@@ -175,7 +175,7 @@ def _naive(plucked: Plucked, steps: int) -> Stretch:
     def take(m: Model, q: np.ndarray, v: np.ndarray) -> None:
         shape, eta, g = m.out_shapes[0], 0.0, 1.0
         if touches:
-            shape, eta, g = m.under.shapes[0], m.under.eta[0], m.string.matrix[0, 0]
+            shape, eta, g = m.under.shapes[0], m.under.eta[0], m.string.contacts.matrix[0, 0]
         _naive_loop(steps, coef, shape, eta, g, touches, q, v, m.out_shapes[0], out)
 
     return _with_state(plucked, take)
@@ -186,7 +186,7 @@ def _fly_blocks(plucked: Plucked, steps: int) -> Stretch:
     model, state, out = string.model, string.state, string.out(steps)
 
     def take() -> None:
-        fly_blocks(steps // BLOCK, model.rows.shape[1], model.rows, state.q, state.v, model.weights, 1, out)
+        fly_blocks(steps // BLOCK, model.rows.shape[1], model.rows, state.q, state.v, model.outputs.weights, 1, out)
 
     return Stretch(take, reset, string.q, string.v)
 

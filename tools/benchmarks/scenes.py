@@ -158,8 +158,8 @@ def touching(engine: Engine) -> np.ndarray:
         if not sounding.voices["awake"][s] or state.counts[FREE]:
             continue
         model = strings.models[sounding.hands["model"][s]]
-        n, c = model.modes, model.eta.size
-        on[s] = np.any(model.shapes[:, :n] @ state.q[:n] <= state.eta[:c] + 1e-12)
+        n, c = model.modes, model.contacts.size
+        on[s] = np.any(model.contacts.shapes[:, :n] @ state.q[:n] <= state.eta[:c] + 1e-12)
     return on
 
 

@@ -32,7 +32,8 @@ def test_float32_speed(race: Race, modes: int, scene: str, short: bool) -> None:
     if scene == "always pressed":
         m = plucked.model
         eta = m.under.eta + 2.0 * np.abs(m.under.shapes @ plucked.q)
-        plucked = plucked._replace(model=replace(m, under=m.under._replace(eta=eta), string=m.string._replace(eta=eta)))
+        string = m.string._replace(contacts=m.string.contacts._replace(eta=eta))
+        plucked = plucked._replace(model=replace(m, under=m.under._replace(eta=eta), string=string))
     flies = scene == "in flight"
     double, single = (float32.stretch(plucked, steps, flies, single=each)[0] for each in (False, True))
     race(double.call, reset=double.reset, against={"single": (single.call, single.reset)})

@@ -13,7 +13,7 @@ from synth.solver.certificates import CERTIFY_FROM
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.step import advance
 from synth.solver.stepwise import one_by_one
-from synth.solver.stringmodel import Strung
+from synth.solver.stringmodel import Strung, with_outputs
 from synth.solver.substeps import advance_substepped
 
 #: of one call: as many as a large block of an engine has
@@ -35,8 +35,8 @@ def kernel_of(scene: Scene) -> Callable[[], np.ndarray]:
         return _substepped(m, run)
     hold, contacts = m.string.law == EXACT_HOLD, m.under.eta.size
     certified = int(hold and contacts >= CERTIFY_FROM)
-    model = (m.part if contacts == 1 else m.string)._replace(points=1, on_q=1, certified=certified)
-    in_blocks = model.step == 0 and model.lags.shape[0] == contacts
+    model = with_outputs(m.part if contacts == 1 else m.string, 0, 1, 1)._replace(certified=certified)
+    in_blocks = model.step == 0 and model.contacts.lags.shape[0] == contacts
     steps = STEPS * (m.parts if contacts == 1 else 1)
     string = Strung(model, run.q, run.v, steps)
     string.state.u[:], string.state.v_contact[:], string.state.force[:] = run.u_contact, run.v_contact, run.force
@@ -56,7 +56,7 @@ def _substepped(m: driver.Model, run: driver.Run) -> Callable[[], np.ndarray]:
     study, kept = run.study(m, np.zeros(1), np.zeros(0))
     out = np.zeros(STEPS)
     parting = run.stepping._replace(record=run.part_records.reshape(-1), out=out)
-    tables = [table(each) for each in (m.string._replace(points=1, on_q=1), m.part._replace(points=0), run.state, parting)]
+    tables = [table(each) for each in (with_outputs(m.string, 0, 1, 1), with_outputs(m.part, 0, 0, 0), run.state, parting)]
     addresses = [each.ctypes.data for each in tables]
 
     def take() -> np.ndarray:

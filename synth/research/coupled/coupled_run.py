@@ -143,9 +143,9 @@ class CoupledPlayer:
         up = float(
             self.scene.obstacle_displacement(self.scene.lines[k].string, np.array([self.frame * self.scene.frame_s]))[0]
         )
-        for c in range(model.eta.size):
+        for c in range(model.contacts.size):
             at = t.first[k] + c
-            u = float(model.shapes[c] @ state.q[: model.shapes.shape[1]]) + end.leverage[c] * b
+            u = float(model.contacts.shapes[c] @ state.q[: model.contacts.shapes.shape[1]]) + end.leverage[c] * b
             u += self.far.leverage[at] * self.far.height[k]
             height = self.heights[k][c] + up
             t.eta[at] = min(height, u)
@@ -173,7 +173,7 @@ class CoupledPlayer:
                 if of.string != number:
                     continue
                 state, old = self.lines.states[k], self.lines.models[k]
-                held, eta = old.residual @ state.force, state.eta.copy()
+                held, eta = old.contacts.residual @ state.force, state.eta.copy()
                 self.bent[k] = cents
                 line = self.scene.arrays(k, cents, self.stopped[k])
                 self.lines.set_line(k, line, gather=False)
