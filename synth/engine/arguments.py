@@ -30,6 +30,8 @@ from synth.midi.events import (
 )
 from synth.midi.zones import CHANNELS
 
+#: type of every array that sound is written to
+_DOUBLE = np.dtype(np.float64)
 #: of the kinds with a channel: smallest and largest `a`, and `b`
 _DATA, _ANY = (0, 127), (-(1 << 31), (1 << 31) - 1)
 _RANGES = {
@@ -195,13 +197,14 @@ def output(name: str, given: Any, shape: tuple[int | None, ...], shown: str) -> 
     ValueError."""
     if not isinstance(given, np.ndarray):
         raise TypeError(f"{name} must be a {shown} float64 array, got {_shown(given)}")
-    fits = given.ndim == len(shape) and all(want in (None, have) for want, have in zip(shape, given.shape, strict=True))
-    if not fits or given.dtype != np.float64 or not given.flags.c_contiguous or not given.flags.aligned:
+    have = given.shape
+    fits = len(have) == len(shape) and have[1:] == shape[1:] and shape[0] in (None, have[0]) and given.dtype == _DOUBLE
+    if fits and given.flags.carray:  # contiguous, aligned, and may be written
+        return given
+    if not fits or not given.flags.c_contiguous or not given.flags.aligned:
         order = "" if given.flags.c_contiguous else ", not contiguous"
         raise ValueError(f"{name} must be a contiguous {shown} float64 array, got {given.shape} {given.dtype}{order}")
-    if not given.flags.writeable:
-        raise ValueError(f"{name} must be an array that can be written to, got one that is read-only; give a copy of it")
-    return given
+    raise ValueError(f"{name} must be an array that can be written to, got one that is read-only; give a copy of it")
 
 
 def _shown(value: Any) -> str:

@@ -69,6 +69,8 @@ CEILING_DB = -0.1
 MOST_EVENTS = 1 << 21
 #: longest block [frames]
 MOST_BLOCK = 1 << 24
+#: the stems of a call without any: (parts, frames, channels)
+_NO_STEMS = np.zeros((0, 0, 2))
 
 
 #: what an observer writes: a NamedTuple as `native.arrays` declares them
@@ -447,7 +449,7 @@ class Engine(Uncopied):
         self._prepared()
         out = arguments.output("out", out, (None, 2), "(frames, 2)")
         if stems is None:
-            stems = np.zeros((0, 0, 2))
+            stems = _NO_STEMS
         else:
             shape = (len(self.parts), len(out), 2)
             stems = arguments.output("stems", stems, shape, str(shape))
