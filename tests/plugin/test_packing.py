@@ -172,7 +172,7 @@ def test_what_would_take_long_for_its_few_bytes_is_refused(native, monkeypatch, 
     """A model whose lags are made of tables of zeros, which cost no byte."""
     contacts = 64
     row = dict.fromkeys(MODEL, 0) | {"modes": modes, "size": modes, "contacts": contacts, "lagged": contacts}
-    row["makes"] = 1 << TABLES.index("lags")
+    row["makes"] = 1 << TABLES.index("contacts.lags")
     model = np.array([list(row.values())], np.int64)
     end = 0
     for name, size in packed_bank.extents(model[0]).items():

@@ -6,7 +6,7 @@ import inspect
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +42,8 @@ class Player:
     engine: Engine
     events: np.ndarray
     seconds: float
+    #: by length of a block: the events of each block
+    _due: dict[int, list[np.ndarray]] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def frames(self) -> int:
@@ -56,14 +58,23 @@ class Player:
     def blocks(self, block: int, clock: Callable[[], float] = time.perf_counter):
         """The seconds that each block takes, wall-clock time unless said; the last may be shorter."""
         out = np.zeros((block, 2))
-        for at in range(0, self.frames, block):
-            some = out[: min(block, self.frames - at)]
-            first, behind = np.searchsorted(self.events["frame"], (at, at + len(some)))
-            due = self.events[first:behind].copy()
-            due["frame"] -= at
+        for number, due in enumerate(self.due(block)):
+            some = out[: min(block, self.frames - number * block)]
             started = clock()
             self.engine.process(due, some)
             yield clock() - started
+
+    def due(self, block: int) -> list[np.ndarray]:
+        """The events of each block, their frames counted from its beginning; found once, so no round's time contains the
+        search."""
+        if block not in self._due:
+            begins = np.arange(0, self.frames, block)
+            within = self.events[self.events["frame"] < self.frames].copy()
+            each = np.split(within, np.searchsorted(within["frame"], begins[1:]))
+            for events, begin in zip(each, begins, strict=True):
+                events["frame"] -= begin
+            self._due[block] = each
+        return self._due[block]
 
 
 def engine_of(

@@ -56,7 +56,7 @@ def test_the_drawing_is_the_models(name: str, note: int, velocity: int) -> None:
     assert drawing["length_m"] == pytest.approx(model.length_m, abs=1e-6)
     assert drawing["tension_n"] == pytest.approx(model.tension_n, abs=1e-3)
     reached = [point for point in drawing["points"] if point["in_play"]]
-    assert [point["gap_mm"] for point in reached] == pytest.approx(list(-1e3 * model.contacts.eta), abs=1e-4)
+    assert [point["gap_mm"] for point in reached] == pytest.approx(list(-1e3 * model.eta), abs=1e-4)
     assert [point["x"] for point in drawing["points"]] == sorted(point["x"] for point in drawing["points"])
     assert (drawing["finger"] is None) == (model.fret == 0)
     if drawing["finger"]:
