@@ -6,6 +6,7 @@ come first, so that none is left for the end while other cores have nothing to d
 
 import os
 import signal
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -20,6 +21,8 @@ os.environ["JAWARI_TRIAL"] = "0"  # vectors as wide as the processor's, so that 
 os.environ.update(dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1"))  # read by NumPy
 threadpool_limits(limits=1, user_api="blas")  # where a plugin of pytest has loaded NumPy before
 
+ROOT = Path(__file__).resolve().parent.parent
+
 settings.register_profile("untimed", deadline=None)
 settings.load_profile("untimed")
 
@@ -33,6 +36,8 @@ for _name in ("SIGQUIT", "SIGHUP", "SIGTERM"):
 #: fit recordings, break files by the hundred, or repeat at length what another file tests in a second
 SLOW = (
     "tests/author/browser/",
+    "tests/author/test_buzz_maps_served.py",
+    "tests/author/test_contact_served.py",
     "tests/author/test_crowd.py",
     "tests/author/test_end.py",
     "tests/author/test_files.py",
@@ -42,6 +47,7 @@ SLOW = (
     "tests/author/test_speaker.py",
     "tests/author/test_views_served.py",
     "tests/author/views/test_analysis.py",
+    "tests/author/views/test_cost.py",
     "tests/author/views/test_motion.py",
     "tests/author/views/test_parameters.py",
     "tests/dataset/test_carried_states.py",
@@ -71,8 +77,10 @@ SLOW = (
     "tests/live/test_recorder.py",
     "tests/native/",
     "tests/plugin/",
+    "tests/setup/test_truth.py",
     "tests/test_bad_numbers.py",
     "tests/test_bench_against.py",
+    "tests/test_bench_coupled.py",
     "tests/test_bench_history.py",
     "tests/test_broken_inputs.py",
     "tests/test_collisions.py",
@@ -80,6 +88,8 @@ SLOW = (
     "tests/test_compiling.py",
     "tests/test_coupled_promise.py",
     "tests/test_every_command.py",
+    "tests/test_hands_check.py",
+    "tests/test_impostor.py",
     "tests/test_kernel_cache.py",
     "tests/test_kernel_helpers.py",
     "tests/test_kernel_linking.py",
@@ -95,6 +105,65 @@ SLOW = (
     "tests/test_typed.py",
     "tests/test_walls.py",
     "tests/test_wheel.py",
+)
+
+#: the same, each with the slash at its end
+SLOW_PLACES = tuple(f"{name.rstrip('/')}/" for name in SLOW)
+
+#: tests of other files that only --all runs, by what their ids begin with: they search for a set-up at length, render every
+#: preset, or repeat with more cases what another test of the file, or another case of it, shows
+SLOW_TESTS = (
+    "tests/cli/test_doctor.py::test_this_machine_renders_and_nothing_is_written",
+    "tests/docs/test_docstrings.py::test_the_examples_do_what_they_show[CoupledResult]",
+    "tests/docs/test_reference.py::test_the_tool_writes_the_pages_and_leaves_what_has_not_changed",
+    "tests/dsp/test_denormals.py::test_it_works_from_the_cache",
+    "tests/engine/test_by_frames.py::test_what_is_drawn_by_frames_sounds_as_in_steps[double-bass",
+    "tests/engine/test_by_frames.py::test_what_is_drawn_by_frames_sounds_as_in_steps[nylon-guitar-64",
+    "tests/engine/test_threads.py::test_the_interpreter_ends_with_workers_awake[raise",
+    "tests/physics/test_ramp_frames.py::test_every_root_of_a_frame_is_passive_also_where_there_are_several",
+    "tests/physics/test_ramp_frames.py::test_random_scenes_never_gain_energy[False-1.0]",
+    "tests/physics/test_ramp_frames.py::test_random_scenes_never_gain_energy[True",
+    "tests/physics/test_ramp_frames.py::test_under_a_body_too_heavy_to_move_it_is_the_uncoupled_step[3]",
+    "tests/setup/test_faults.py::test_a_backbow_is_told_from_a_high_fret_and_a_low_nut",
+    "tests/setup/test_faults.py::test_a_low_nut_is_told_from_a_high_fret_and_a_backbow",
+    "tests/setup/test_faults.py::test_a_neck_given_by_its_action_has_no_high_fret",
+    "tests/setup/test_faults.py::test_a_sound_neck_has_no_fault",
+    "tests/setup/test_faults.py::test_dressing_a_high_fret_lowers_the_action",
+    "tests/setup/test_lowest.py::test_a_little_lower_something_buzzes",
+    "tests/setup/test_lowest.py::test_a_want_beyond_the_bounds_says_what_still_buzzes",
+    "tests/setup/test_lowest.py::test_heights_are_affine_in_what_is_turned",
+    "tests/setup/test_lowest.py::test_no_other_relief_allows_a_set_up_that_counts_less",
+    "tests/setup/test_lowest.py::test_nothing_buzzes_in_the_proposed_set_up",
+    "tests/setup/test_lowest.py::test_progress_goes_to_the_end_and_never_back",
+    "tests/setup/test_lowest.py::test_what_buzzes_now_is_named",
+    "tests/setup/test_setup_command.py::test_a_preset_comes_from_a_pipe_and_is_read_once",
+    "tests/setup/test_setup_command.py::test_a_wish_is_answered_and_written",
+    "tests/setup/test_setup_command.py::test_ctrl_c_keeps_what_was_computed",
+    "tests/solver/test_lcp_solvers.py::test_random_definite",
+    "tests/solver/test_line_culling.py::test_what_is_passed_over_changes_nothing[False-8]",
+    "tests/solver/test_line_culling.py::test_what_is_passed_over_changes_nothing[True-8]",
+    "tests/solver/test_line_friction.py::test_the_law_holds_in_motion_that_the_twin_makes[8]",
+    "tests/solver/test_line_layers.py::test_the_law_holds_in_motion_that_the_twin_makes[8]",
+    "tests/test_coupled_simulation.py::test_contacts_err_by_their_own_step_alone",
+    "tests/test_indian_strings.py::test_no_two_strokes_of_a_sitar_are_the_same",
+    "tests/test_indian_strings.py::test_partials_wake_from_above_and_late[tanpura-",
+    "tests/test_indian_strings.py::test_the_formant_of_sa_falls_and_does_not_rise_again[tanpura-",
+    "tests/test_indian_strings.py::test_the_modes_below_1600_hz_are_those_of_the_table",
+    "tests/test_presets.py::test_harmonics_by_a_program_are_those_that_there_are",
+    "tests/test_presets.py::test_presets_are_equally_loud",
+    "tests/test_presets.py::test_programs_in_an_articulation_are_as_loud_as_presets",
+    "tests/test_presets.py::test_velocity_127_is_even_and_leaves_the_limiter_little",
+    "tests/test_promise.py::test_promise[fine]",
+    "tests/test_quality.py::test_fretted_notes_keep_the_promise[28]",
+    "tests/test_quality.py::test_fretted_notes_keep_the_promise[50]",
+    "tests/test_selection.py::test_slow_tests_run_where_they_are_asked_for[words1",
+    "tests/test_selection.py::test_slow_tests_run_where_they_are_asked_for[words2",
+    "tests/test_truth.py::test_ranges_say_no_more_than_that_nothing_is_absurd",
+    "tests/test_truth.py::test_the_bass_lies_among_recordings",
+    "tests/test_tuning.py::test_contact_does_shift_the_pitch_and_calibration_takes_it_back",
+    "tests/test_tuning.py::test_every_position_is_in_tune[fretted-bass",
+    "tests/test_tuning.py::test_measure_sees_a_string_that_is_out_of_tune",
+    "tests/test_tuning.py::test_tune_presets_writes_the_table_and_nothing_else",
 )
 
 #: of the files that take longest; the first compiles the kernels of an engine, which most others need, and the second those
@@ -184,9 +253,15 @@ def pytest_configure_node(node: Any) -> None:
     node.workerinput["everything"] = _everything(node.config)
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Where only quick tests run, slow files are not even read."""
+    name = collection_path.relative_to(ROOT).as_posix() if collection_path.is_relative_to(ROOT) else ""
+    return True if name and (name + "/").startswith(SLOW_PLACES) and not _everything(config) else None
+
+
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     for item in items:
-        if item.nodeid.startswith(SLOW):
+        if item.nodeid.startswith(SLOW + SLOW_TESTS):
             item.add_marker(pytest.mark.slow)
     if not _everything(config):
         slow = [item for item in items if item.get_closest_marker("slow")]

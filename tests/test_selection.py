@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.conftest import LONGEST, SLOW
+from tests.conftest import LONGEST, SLOW, SLOW_TESTS
 
 pytest_plugins = ["pytester"]
 
@@ -50,3 +50,9 @@ def test_slow_tests_run_where_they_are_asked_for(
 
 def test_files_that_are_named_are_there() -> None:
     assert [name for name in (*LONGEST, *SLOW) if not (ROOT / name).exists()] == []
+
+
+def test_tests_that_are_named_are_there() -> None:
+    for name in SLOW_TESTS:
+        path, _, test = name.partition("::")
+        assert f"def {test.partition('[')[0]}(" in (ROOT / path).read_text(encoding="utf-8"), name
