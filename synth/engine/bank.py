@@ -358,8 +358,8 @@ class _Lists:
         """The model in flight: of the modes that are heard, a frame at a time, without contacts."""
         frame, mu = 1.0 / self.rate_hz, position.mu
         omega, sigma = position.omega[:audible], position.sigma[:audible]
-        heard = padded(audible)
-        weights = model.outputs.weights[:, :heard] * response(self.rate_hz, factor, model.omega[:heard] / (2.0 * math.pi))
+        heard, outputs = padded(audible), model.outputs
+        weights = outputs.weights[:, :heard] * response(self.rate_hz, factor, model.omega[:heard] / (2.0 * math.pi))
         coef = coefficients(EXACT_HOLD, omega, sigma, mu, frame)
         return make_string(
             EXACT_HOLD,
@@ -367,7 +367,7 @@ class _Lists:
             StringModes(mu, omega, sigma),
             coef,
             no_contacts(audible),
-            StringOutputs(weights[:, :audible], on_q=1, used=model.outputs[:3]),
+            StringOutputs(weights[:, :audible], on_q=1, used=(outputs.first, outputs.points, outputs.on_q)),
             single=bool(model.single.on),
         )
 
