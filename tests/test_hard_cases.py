@@ -20,7 +20,7 @@ from synth.physics.modes import residual_compliance, static_compliance
 from synth.physics.tuning import tuned
 from synth.research.case import case_names
 from synth.research.simulation import Case, CaseError, Scene, case_folder, load_case, simulate
-from synth.solver import driver
+from synth.solver import driver, study
 from synth.solver.schemes import PASSIVE_TO, energy_warning, safe_rate_hz
 from tests.oracles.steps import exact_hold_step, moreau_jean_step
 
@@ -550,10 +550,10 @@ def test_random_motion_is_passive(compliant):
         state = driver.start_run(model, q, v, force, 1, 301, True, False)
         path = np.cumsum(np.concatenate([[0.0], rng.normal(size=300) * 10 ** rng.uniform(-6.0, -4.0)]))
         driver.run(model, state, 300, heights=path)
-        touched += state.results.counts[driver.CONTACT_STEPS] > 10
-        assert state.results.counts[driver.STEPS] == 300 and state.results.counts[driver.BAD_STEPS] == 0
-        assert state.results.sums[driver.RISE] <= 1e-12 and state.results.sums[driver.PENETRATION] <= 1e-12
-        assert state.results.sums[driver.LEAST_VISCOUS] >= -1e-12 and state.results.sums[driver.LEAST_CONTACT] >= -1e-12
+        touched += state.results.counts[study.CONTACT_STEPS] > 10
+        assert state.results.counts[study.STEPS] == 300 and state.results.counts[study.BAD_STEPS] == 0
+        assert state.results.sums[study.RISE] <= 1e-12 and state.results.sums[study.PENETRATION] <= 1e-12
+        assert state.results.sums[study.LEAST_VISCOUS] >= -1e-12 and state.results.sums[study.LEAST_CONTACT] >= -1e-12
     assert touched > 40
 
 

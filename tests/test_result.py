@@ -20,7 +20,7 @@ from synth.research.case import OVERRIDES
 from synth.research.methods import nonsmooth_schemes
 from synth.research.result import Result, ResultError, load_result
 from synth.research.simulation import CaseError, Overrides, load_case, simulate, simulate_file
-from synth.solver import driver
+from synth.solver import driver, study
 
 SMALL = {"rate": 88_200.0, "modes": 20, "duration_s": 0.005}
 EVERY = {
@@ -163,7 +163,7 @@ def test_a_table_has_every_row_to_the_bit(tmp_path: Path) -> None:
         head, *rows = csv.reader(file)
     x, c = result.positions[0], result.contact_positions[0]
     assert head[:3] == ["t [s]", f"u({float(x)!r} m) [m]", f"u_contact({float(c)!r} m) [m]"]
-    assert head[-6:] == ["obstacle_displacement [m]", *(f"energy_{name} [J]" for name in driver.ENERGY_COLUMNS)]
+    assert head[-6:] == ["obstacle_displacement [m]", *(f"energy_{name} [J]" for name in study.ENERGY_COLUMNS)]
     found = np.array(rows, dtype=float)
     assert found.shape == (result.t.size, len(head))
     np.testing.assert_array_equal(found[:, 0], result.t)

@@ -31,7 +31,7 @@ from synth.physics.modes import (
 from synth.physics.obstacle import Obstacle, parabola_height
 from synth.physics.string import String
 from synth.physics.tail import lumped_tail
-from synth.solver import driver
+from synth.solver import driver, study
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.plucked import pluck
 from synth.solver.stringmodel import StringContacts, StringModes
@@ -214,5 +214,5 @@ class ContactModel:
                 slipped,
             )  # fmt: skip
             driver.run(model, run, max(0, frames - slip))
-        u, touched = run.results.u[draw + 1 : draw + 1 + frames, 0], int(run.results.counts[driver.CONTACT_STEPS])
+        u, touched = run.results.u[draw + 1 : draw + 1 + frames, 0], int(run.results.counts[study.CONTACT_STEPS])
         return ContactSound(u, touched / (draw + frames))

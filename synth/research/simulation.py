@@ -165,7 +165,7 @@ from synth.research.coupled.coupled_result import CoupledResult
 from synth.research.coupled.coupled_simulation import refuse_of_one_string, simulate_coupled
 from synth.research.result import Result, ResultError, check_name, load_result
 from synth.research.scene import Scene
-from synth.solver import driver
+from synth.solver import study
 from synth.solver.problem import Outcome
 from synth.solver.schemes import SCHEMES, clamping_warning, energy_warning, rise_warning
 
@@ -537,7 +537,7 @@ def simulate_file(
 def _result(scene: Scene, outcome: Outcome) -> Result:
     case, run = scene.case, scene.case.run
     last = outcome.last_contact_step * scene.dt if outcome.last_contact_step >= 0 else None
-    energy = dict(zip(driver.ENERGY_COLUMNS, outcome.energy.T, strict=True)) if outcome.energy is not None else {}
+    energy = dict(zip(study.ENERGY_COLUMNS, outcome.energy.T, strict=True)) if outcome.energy is not None else {}
     summary: dict[str, Any] = {
         "scheme": case.scheme.name,
         "internal_rate_hz": run.internal_rate_hz,

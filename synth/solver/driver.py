@@ -38,69 +38,25 @@ from synth.solver.stringmodel import (
     with_outputs,
 )
 from synth.solver.study import (
-    BAD_STEPS as BAD_STEPS,
-)
-from synth.solver.study import (
     BLOCKS,
     COUNTS,
+    DIVIDE,
+    INITIAL,
+    INJECTED,
+    LAST_CONTACT,
+    LEAST_CONTACT,
+    LEAST_VISCOUS,
+    PENETRATION,
+    PHASE,
+    RISE,
+    ROW,
+    SPRING,
+    STEPS,
+    STORED,
     SUMS,
     RunTables,
     advance_study,
     write_output,
-)
-from synth.solver.study import (
-    CONTACT as CONTACT,
-)
-from synth.solver.study import (
-    CONTACT_STEPS as CONTACT_STEPS,
-)
-from synth.solver.study import (
-    DIVIDE as DIVIDE,
-)
-from synth.solver.study import (
-    ENERGY_COLUMNS as ENERGY_COLUMNS,
-)
-from synth.solver.study import (
-    INITIAL as INITIAL,
-)
-from synth.solver.study import (
-    INJECTED as INJECTED,
-)
-from synth.solver.study import (
-    LAST_CONTACT as LAST_CONTACT,
-)
-from synth.solver.study import (
-    LEAST_CONTACT as LEAST_CONTACT,
-)
-from synth.solver.study import (
-    LEAST_VISCOUS as LEAST_VISCOUS,
-)
-from synth.solver.study import (
-    PENETRATION as PENETRATION,
-)
-from synth.solver.study import (
-    PHASE as PHASE,
-)
-from synth.solver.study import (
-    RISE as RISE,
-)
-from synth.solver.study import (
-    ROW as ROW,
-)
-from synth.solver.study import (
-    SPRING as SPRING,
-)
-from synth.solver.study import (
-    STEPS as STEPS,
-)
-from synth.solver.study import (
-    STORED as STORED,
-)
-from synth.solver.study import (
-    VISCOUS as VISCOUS,
-)
-from synth.solver.study import (
-    certify_watch as certify_watch,
 )
 
 

@@ -9,7 +9,7 @@ from synth.dsp.measures import relative_error
 from synth.physics.modes import decay_rates, modal_frequencies, mode_shapes, residual_compliance
 from synth.physics.string import String
 from synth.research.simulation import simulate
-from synth.solver import driver
+from synth.solver import driver, study
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.stringmodel import StringContacts, StringModes
 
@@ -87,7 +87,7 @@ def model(dt, modes, residual=True):
 def advanced(what, q, v, steps):
     run = driver.start_run(what, q, v, np.zeros(1), steps, 2, False, False)
     driver.run(what, run, steps)
-    return run.q.copy(), run.v.copy(), int(run.results.counts[driver.CONTACT_STEPS])
+    return run.q.copy(), run.v.copy(), int(run.results.counts[study.CONTACT_STEPS])
 
 
 def test_exact_hold_goes_on_from_any_step():

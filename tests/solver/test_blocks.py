@@ -13,7 +13,7 @@ from synth.physics.modes import decay_rates, modal_frequencies, mode_shapes, res
 from synth.physics.string import String
 from synth.research.case import read_case
 from synth.research.scene import Scene as CaseScene
-from synth.solver import driver
+from synth.solver import driver, study
 from synth.solver.block_rows import BLOCK
 from synth.solver.blocks import advance_blocks, fly_blocks, press_blocks, press_two
 from synth.solver.certificates import amplitudes, least_reach, reach
@@ -310,9 +310,9 @@ def test_rows_in_the_middle_of_blocks(law):
             mean = truth.results.contact_force[1 : 240 // every * every + 1].reshape(-1, every, 3).mean(axis=1)
             if law == EXACT_HOLD:  # the first row of Moreau–Jean's exact start has no step of its own
                 same(state.results.contact_force[1:], mean, 1e-10, f"contact_force, every {every}")
-            assert state.results.counts[driver.CONTACT_STEPS] == truth.results.counts[driver.CONTACT_STEPS]
-            assert state.results.counts[driver.LAST_CONTACT] == truth.results.counts[driver.LAST_CONTACT]
-    assert truth.results.counts[driver.CONTACT_STEPS] > 5
+            assert state.results.counts[study.CONTACT_STEPS] == truth.results.counts[study.CONTACT_STEPS]
+            assert state.results.counts[study.LAST_CONTACT] == truth.results.counts[study.LAST_CONTACT]
+    assert truth.results.counts[study.CONTACT_STEPS] > 5
 
 
 def test_leftovers_and_blocks_are_one_run():
@@ -336,8 +336,8 @@ def test_leftovers_and_blocks_are_one_run():
             runs.append(state)
         for name in ("u", "contact_u", "contact_force"):
             same(getattr(runs[1].results, name), getattr(runs[0].results, name), 1e-9, f"{name}, seed {seed}")
-        assert runs[1].results.counts[driver.CONTACT_STEPS] == runs[0].results.counts[driver.CONTACT_STEPS]
-        acted += int(runs[0].results.counts[driver.CONTACT_STEPS])
+        assert runs[1].results.counts[study.CONTACT_STEPS] == runs[0].results.counts[study.CONTACT_STEPS]
+        acted += int(runs[0].results.counts[study.CONTACT_STEPS])
     assert acted > 50, acted
 
 

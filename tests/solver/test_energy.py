@@ -7,7 +7,7 @@ import pytest
 
 from synth.physics.modes import decay_rates, modal_frequencies, mode_shapes, residual_compliance
 from synth.physics.string import String
-from synth.solver import driver
+from synth.solver import driver, study
 from synth.solver.driver import Finger
 from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN, MOREAU_JEAN_FILTERED
 from synth.solver.lcp import SOLVED
@@ -73,13 +73,13 @@ def test_no_penetration_and_no_energy_from_nowhere(compliant):
     for _ in range(200):
         model, q, v = random_scene(rng, compliant)
         state = run(model, q, v, 300)
-        assert state.results.counts[driver.BAD_STEPS] == 0
-        assert state.results.sums[driver.PENETRATION] <= 1e-12
-        assert state.results.sums[driver.RISE] <= 1e-12
+        assert state.results.counts[study.BAD_STEPS] == 0
+        assert state.results.sums[study.PENETRATION] <= 1e-12
+        assert state.results.sums[study.RISE] <= 1e-12
         # damping and contact each only ever take
-        assert state.results.sums[driver.LEAST_VISCOUS] >= -1e-12
-        assert state.results.sums[driver.LEAST_CONTACT] >= -1e-12
-        touched += state.results.counts[driver.CONTACT_STEPS] > 0
+        assert state.results.sums[study.LEAST_VISCOUS] >= -1e-12
+        assert state.results.sums[study.LEAST_CONTACT] >= -1e-12
+        touched += state.results.counts[study.CONTACT_STEPS] > 0
         several += bool(np.any((state.results.contact_force > 0).sum(axis=1) > 1))
         fast += model.modes.omega[-1] * model.string.dt > 10.0
         # nothing is missing from the account
@@ -152,8 +152,8 @@ def test_pressed_start_begins_from_the_static_contact():
             assert np.all(np.minimum(gap, force / max(force.max(), 1e-30)) <= 1e-9)
             # at equilibrium: the ledger sees no loss, no rise, and the forces stay
             state = run(model, q, np.zeros(modes), 100, force=force)
-            assert state.results.sums[driver.PENETRATION] <= 1e-12
-            assert state.results.sums[driver.RISE] <= 1e-12
+            assert state.results.sums[study.PENETRATION] <= 1e-12
+            assert state.results.sums[study.RISE] <= 1e-12
             assert np.abs(state.q - q).max() <= 1e-9 * np.abs(q).max()
 
 
@@ -183,15 +183,15 @@ def string_over_point(law, restitution, rate, modes):
 def test_filtered_form_keeps_its_energy_at_full_restitution(rate):
     model, q = string_over_point(MOREAU_JEAN_FILTERED, 1.0, rate, 60)
     state = run(model, q, np.zeros(60), 4000)
-    assert state.results.counts[driver.CONTACT_STEPS] > 50
-    assert state.results.sums[driver.RISE] <= 1e-12
+    assert state.results.counts[study.CONTACT_STEPS] > 50
+    assert state.results.sums[study.RISE] <= 1e-12
 
 
 def test_published_form_gains_energy_below_twice_its_modes():
     """The ledger can see it: modes above half the rate, and a step multiplies the energy."""
     model, q = string_over_point(MOREAU_JEAN, 0.0, 44100.0, 400)
     state = run(model, q, np.zeros(400), 2000)
-    assert state.results.sums[driver.RISE] > 0.01
+    assert state.results.sums[study.RISE] > 0.01
 
 
 @pytest.mark.parametrize("law", [MOREAU_JEAN, MOREAU_JEAN_FILTERED])
@@ -202,7 +202,7 @@ def test_moreau_jean_account_closes_and_tends_to_the_strings_energy(law):
     np.testing.assert_allclose(stored + viscous + contact, stored[0], rtol=1e-11)
     energy = 0.5 * model.modes.mu * float(np.sum((model.modes.omega * q) ** 2))
     assert stored[0] == pytest.approx(energy, rel=1e-2)
-    assert state.results.counts[driver.CONTACT_STEPS] > 5
+    assert state.results.counts[study.CONTACT_STEPS] > 5
 
 
 # --- fingers ----------------------------------------------------------------------------------------------------------
@@ -220,7 +220,7 @@ def test_what_a_finger_gives_is_what_the_string_has(law):
     path = distance * 0.5 * (1 - np.cos(np.pi * np.arange(steps + 1) / steps))
     finger = Finger(weights, *model.finger_row(weights), 1e6, 1.0, path, np.zeros(2))
     state = driver.start_run(model, np.zeros(modes), np.zeros(modes), np.zeros(1), 1, 2 * steps + 1, True, False)
-    driver.run(model, state, steps - int(state.results.counts[driver.STEPS]), finger)
+    driver.run(model, state, steps - int(state.results.counts[study.STEPS]), finger)
     # an ideal string's shape: the modes' own static compliance under these weights
     static = 0.5 * distance**2 / float(weights @ (weights / (model.modes.mu * model.modes.omega**2)))
     stored = state.results.energy[steps - 1, 0]
@@ -229,9 +229,9 @@ def test_what_a_finger_gives_is_what_the_string_has(law):
     driver.run(model, state, steps)
     stored, spring, viscous, contact, injected = state.results.energy.T
     np.testing.assert_allclose(stored + spring + viscous + contact, injected, atol=1e-11 * injected.max())
-    assert state.results.counts[driver.CONTACT_STEPS] > 10, "the freed string must reach the obstacle"
+    assert state.results.counts[study.CONTACT_STEPS] > 10, "the freed string must reach the obstacle"
     if law == EXACT_HOLD:
-        assert state.results.sums[driver.RISE] <= 1e-12
+        assert state.results.sums[study.RISE] <= 1e-12
 
 
 # --- the driver's own business ----------------------------------------------------------------------------------------
@@ -249,8 +249,8 @@ def test_ledger_and_blocks_do_not_change_the_motion():
             expected = getattr(weighed, name)
             atol = 1e-10 * np.abs(expected).max()
             np.testing.assert_allclose(getattr(plain, name), expected, rtol=0, atol=atol, err_msg=name)
-        assert weighed.counts[driver.CONTACT_STEPS] == plain.counts[driver.CONTACT_STEPS]
-        assert weighed.counts[driver.LAST_CONTACT] == plain.counts[driver.LAST_CONTACT]
+        assert weighed.counts[study.CONTACT_STEPS] == plain.counts[study.CONTACT_STEPS]
+        assert weighed.counts[study.LAST_CONTACT] == plain.counts[study.LAST_CONTACT]
 
 
 def test_contact_force_is_the_mean_between_rows():

@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from synth.physics.string import String
-from synth.solver import driver
+from synth.solver import driver, study
 from synth.solver.driver import Model
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.lcp import SOLVED
@@ -35,17 +35,17 @@ def test_layers_gain_nothing_and_have_an_end(compliant: bool) -> None:
         model, q, v = random_scene(rng, compliant)
         model = model.but(layers=random_layers(rng, model))
         state = run(model, q, v, 200)
-        assert state.results.counts[driver.BAD_STEPS] == 0
-        assert state.results.sums[driver.PENETRATION] <= 1e-12
-        assert state.results.sums[driver.RISE] <= 1e-12
-        assert state.results.sums[driver.LEAST_VISCOUS] >= -1e-12
-        assert state.results.sums[driver.LEAST_CONTACT] >= -1e-12
+        assert state.results.counts[study.BAD_STEPS] == 0
+        assert state.results.sums[study.PENETRATION] <= 1e-12
+        assert state.results.sums[study.RISE] <= 1e-12
+        assert state.results.sums[study.LEAST_VISCOUS] >= -1e-12
+        assert state.results.sums[study.LEAST_CONTACT] >= -1e-12
         assert state.results.contact_force.min() >= 0.0
         stored, held, viscous, contact, injected = state.results.energy.T
         np.testing.assert_allclose(stored + held + viscous + contact, stored[0] + held[0], rtol=1e-12)
         assert not injected.any()
         depth, layers = model.under.eta - state.results.contact_u, model.string.contacts.layers
-        touched += state.results.counts[driver.CONTACT_STEPS] > 0
+        touched += state.results.counts[study.CONTACT_STEPS] > 0
         sunk += bool(np.any((depth > 1e-9) & (depth < 0.99 * layers[DEPTH])))
         through += bool(np.any((depth > layers[DEPTH] - 1e-12) & (layers[DEPTH] > 0.0)))
         lost += bool(contact[-1] > 1e-6 * stored[0])
@@ -119,7 +119,7 @@ def test_a_bare_contact_is_the_rigid_one() -> None:
         model, q, v = random_scene(rng, True)
         bare = run(model.but(layers=np.zeros((3, model.under.eta.size))), q, v, 40)
         rigid = run(model, q, v, 40)
-        assert rigid.results.counts[driver.CONTACT_STEPS] == bare.results.counts[driver.CONTACT_STEPS]
+        assert rigid.results.counts[study.CONTACT_STEPS] == bare.results.counts[study.CONTACT_STEPS]
         np.testing.assert_allclose(bare.q, rigid.q, rtol=0.0, atol=1e-9 * np.abs(rigid.q).max())
 
 
@@ -144,7 +144,7 @@ def test_it_tends_to_a_spring_and_a_dashpot() -> None:
     for steps in (400, 800, 1600, 3200):
         model = build(string, 8, seconds / steps, [0.45], [height]).but(layers=np.array([[stiffness], [resistance], [1e-2]]))
         state = run(model, q0, v0, steps)
-        assert state.results.counts[driver.CONTACT_STEPS] > 0.1 * steps
+        assert state.results.counts[study.CONTACT_STEPS] > 0.1 * steps
         errors.append(float(np.linalg.norm(state.q - exact) / np.linalg.norm(exact)))
     assert all(error < 1e-4 * (400 / steps) ** 2 for error, steps in zip(errors, (400, 800, 1600, 3200), strict=True))
 
@@ -167,7 +167,7 @@ def test_at_rest_it_gives_way_as_far_as_it_must() -> None:
         np.testing.assert_allclose(force[inside], (layers[STIFFNESS] * depth)[inside], rtol=1e-6)
         soft, stopped = soft + inside.any(), stopped + bool(np.any(force > 1.01 * layers[STIFFNESS] * depth))
         state = run(model, q, np.zeros(q.size), 50, force=force)
-        assert state.results.sums[driver.RISE] <= 1e-12
+        assert state.results.sums[study.RISE] <= 1e-12
         assert np.abs(state.q - q).max() <= 1e-8 * np.abs(q).max()
     assert soft > 20 and stopped > 20, (soft, stopped)
 

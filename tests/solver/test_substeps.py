@@ -7,7 +7,7 @@ import pytest
 
 from synth.physics.modes import decay_rates, modal_frequencies, mode_shapes, residual_compliance
 from synth.physics.string import String
-from synth.solver import driver
+from synth.solver import driver, study
 from synth.solver.driver import Finger
 from synth.solver.laws import EXACT_HOLD, MOREAU_JEAN
 from synth.solver.stringmodel import StringContacts, StringModes
@@ -63,7 +63,7 @@ def test_one_contact_is_the_plain_scheme_at_k_times_the_rate(count, points, ledg
             expected = attrgetter(name)(plain)
             atol = 1e-10 * np.abs(expected).max()
             np.testing.assert_allclose(attrgetter(name)(divided), expected, rtol=0, atol=atol, err_msg=name)
-        touched += int(divided.results.counts[driver.CONTACT_STEPS])
+        touched += int(divided.results.counts[study.CONTACT_STEPS])
     assert touched > 30
 
 
@@ -129,16 +129,16 @@ def test_no_penetration_and_no_energy_from_nowhere(compliant):
         contacts = 1 if number % 3 == 0 else int(rng.integers(2, 13))
         model, q, v = scene(rng, contacts, count, compliant=compliant)
         state = run(model, q, v, 150, ledger=True)
-        assert state.results.counts[driver.BAD_STEPS] == 0
-        assert state.results.sums[driver.PENETRATION] <= 1e-12
-        assert state.results.sums[driver.RISE] <= 1e-12
-        assert state.results.sums[driver.LEAST_VISCOUS] >= -1e-12
-        assert state.results.sums[driver.LEAST_CONTACT] >= -1e-12
+        assert state.results.counts[study.BAD_STEPS] == 0
+        assert state.results.sums[study.PENETRATION] <= 1e-12
+        assert state.results.sums[study.RISE] <= 1e-12
+        assert state.results.sums[study.LEAST_VISCOUS] >= -1e-12
+        assert state.results.sums[study.LEAST_CONTACT] >= -1e-12
         stored, spring, viscous, contact, _ = state.results.energy.T
         np.testing.assert_allclose(stored + spring + viscous + contact, stored[0], rtol=1e-12)
-        touched += state.results.counts[driver.CONTACT_STEPS] > 0
+        touched += state.results.counts[study.CONTACT_STEPS] > 0
         several += bool(np.any((state.results.contact_force > 0).sum(axis=1) > 1))
-        divided += contacts > 1 and 0 < state.results.counts[driver.CONTACT_STEPS] < 150
+        divided += contacts > 1 and 0 < state.results.counts[study.CONTACT_STEPS] < 150
     assert touched > 150 and several > 60 and divided > 80, (touched, several, divided)
 
 

@@ -14,6 +14,7 @@ from synth.solver.laws import EXACT_HOLD
 from synth.solver.step import advance
 from synth.solver.stepwise import one_by_one
 from synth.solver.stringmodel import Strung, with_outputs
+from synth.solver.study import DIVIDE, certify_watch
 from synth.solver.substeps import advance_substepped
 
 #: of one call: as many as a large block of an engine has
@@ -61,8 +62,8 @@ def _substepped(m: driver.Model, run: driver.Run) -> Callable[[], np.ndarray]:
 
     def take() -> np.ndarray:
         assert kept and tables  # both must outlive the calls
-        driver.certify_watch(study.ctypes.data)
-        advance_substepped(*addresses, m.parts, run.results.counts[driver.DIVIDE :], run.records)
+        certify_watch(study.ctypes.data)
+        advance_substepped(*addresses, m.parts, run.results.counts[DIVIDE:], run.records)
         return out
 
     return take

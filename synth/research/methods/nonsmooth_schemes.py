@@ -12,7 +12,7 @@ from synth.native.denormals import flushed
 from synth.research.case import CaseError, FingerTable
 from synth.research.finger_paths import Way, last_steps, sliding_off
 from synth.research.scene import Scene
-from synth.solver import driver
+from synth.solver import driver, study
 from synth.solver.driver import Finger
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.lcp import SOLVED
@@ -48,7 +48,7 @@ def run_law(scene: Scene) -> Outcome:
     with flushed():
         for finger in scene.fingers[done:]:
             if hold is None:
-                begin = max(_step(scene, finger.start_s), int(state.results.counts[driver.STEPS]))
+                begin = max(_step(scene, finger.start_s), int(state.results.counts[study.STEPS]))
                 _advance(scene, state, tuning, begin, None)
                 if begin >= scene.last:
                     break
@@ -76,17 +76,17 @@ def run_law(scene: Scene) -> Outcome:
     if case.scheme.substeps > 1:
         notes["substeps"] = case.scheme.substeps
     if ledger:
-        notes["initial_energy_j"] = float(sums[driver.INITIAL])
+        notes["initial_energy_j"] = float(sums[study.INITIAL])
     return Outcome(
         u=state.results.u,
         contact_u=state.results.contact_u,
         contact_force=state.results.contact_force,
         energy=state.results.energy if ledger else None,
-        largest_penetration_m=float(sums[driver.PENETRATION]),
-        largest_energy_rise=float(sums[driver.RISE]) if ledger else float("nan"),
-        last_contact_step=int(counts[driver.LAST_CONTACT]),
-        contact_steps=int(counts[driver.CONTACT_STEPS]),
-        unsolved_steps=int(counts[driver.BAD_STEPS]),
+        largest_penetration_m=float(sums[study.PENETRATION]),
+        largest_energy_rise=float(sums[study.RISE]) if ledger else float("nan"),
+        last_contact_step=int(counts[study.LAST_CONTACT]),
+        contact_steps=int(counts[study.CONTACT_STEPS]),
+        unsolved_steps=int(counts[study.BAD_STEPS]),
         seconds=seconds,
         notes=notes,
         state=ended,
@@ -169,7 +169,7 @@ class _Hold:
 
 
 def _advance(scene: Scene, state: driver.Run, tuning: _Tuning, until: int, hold: _Hold | None) -> None:
-    step, until = int(state.results.counts[driver.STEPS]), min(until, scene.last)
+    step, until = int(state.results.counts[study.STEPS]), min(until, scene.last)
     moves = scene.case.obstacle.moves
     while step < until:
         stop = int(min(until, tuning.until(step, state), step + _MOST_PATH if moves else until))
