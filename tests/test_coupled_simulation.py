@@ -96,6 +96,7 @@ def test_touching_strings_are_the_twin_s(substeps: int) -> None:
     assert touched > 20
 
 
+@pytest.mark.slow
 def test_contacts_err_by_their_own_step_alone() -> None:
     """At the reference's step the bridge moves eight times less often, and nothing shows of it."""
     [(_, _, errors)] = accuracy(ON_THE_BRIDGE, 0.05, (192_000,), (8,))

@@ -146,6 +146,7 @@ def test_left_is_not_right(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["tanpura-male", "sitar"])
+@pytest.mark.slow
 def test_the_modes_below_1600_hz_are_those_of_the_table(name: str) -> None:
     """`tools/tabli` computes them; the file has them rounded."""
     done = subprocess.run(
@@ -175,6 +176,7 @@ def test_a_sitar_opens() -> None:
     assert np.median(attacks) < 12.0, attacks
 
 
+@pytest.mark.slow
 def test_no_two_strokes_of_a_sitar_are_the_same() -> None:
     apart = []
     for note in (50, 57, 62, 67, 71):

@@ -207,6 +207,7 @@ def loudest_notes(name: str) -> list[tuple[float, float]]:
     ("name", "evenness_db"),
     [("tanpura-light", 5.0), ("jawari-harp", 2.0), ("fretted-bass", 8.0), ("fretless-bass", 8.0), ("steel-guitar", 12.0)],
 )
+@pytest.mark.slow
 def test_velocity_127_is_even_and_leaves_the_limiter_little(name: str, evenness_db: float) -> None:
     """A struck bass is choked by its frets the more, the thicker the string: it may be less even; so may a body be."""
     sides, both = zip(*loudest_notes(name), strict=True)
@@ -215,6 +216,7 @@ def test_velocity_127_is_even_and_leaves_the_limiter_little(name: str, evenness_
 
 
 @pytest.mark.parametrize("name", NAMES)
+@pytest.mark.slow
 def test_presets_are_equally_loud(name: str) -> None:
     """`tools/loudness` has set them; the meter is BS.1770's by pyloudnorm."""
     lufs = pyloudnorm.Meter(RATE_HZ).integrated_loudness(phrase_sound(load_preset(name)))
@@ -222,6 +224,7 @@ def test_presets_are_equally_loud(name: str) -> None:
 
 
 @pytest.mark.parametrize("program", [number for number, each in enumerate(general_midi.ANSWERS) if each.articulations])
+@pytest.mark.slow
 def test_programs_in_an_articulation_are_as_loud_as_presets(program: int) -> None:
     """`tools/loudness --check` measures them."""
     preset = Choice().part(0, program).played(load_preset(general_midi.answer(program).preset))
@@ -270,6 +273,7 @@ def test_the_bass_has_dead_spots() -> None:
 
 
 @pytest.mark.parametrize("note", [40, 52])
+@pytest.mark.slow
 def test_harmonics_by_a_program_are_those_that_there_are(note: int) -> None:
     """What is too low for one sounds as the key says, not an octave above."""
     preset = Choice(gm=True).part(0, 31).played(load_preset("electric-guitar-middle"))

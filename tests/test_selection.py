@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
-from tests.conftest import LONGEST, SLOW, SLOW_TESTS
+from tests.conftest import LONGEST, ROOT, SLOW, SLOW_CASES
 
 pytest_plugins = ["pytester"]
 
-ROOT = Path(__file__).resolve().parent.parent
 CONFTEST = "from tests.conftest import pytest_addoption, pytest_collection_modifyitems, pytest_configure_node\n"
 INI = f"""
 [pytest]
@@ -52,7 +49,7 @@ def test_files_that_are_named_are_there() -> None:
     assert [name for name in (*LONGEST, *SLOW) if not (ROOT / name).exists()] == []
 
 
-def test_tests_that_are_named_are_there() -> None:
-    for name in SLOW_TESTS:
+def test_tests_whose_cases_are_named_are_there() -> None:
+    for name in SLOW_CASES:
         path, _, test = name.partition("::")
         assert f"def {test.partition('[')[0]}(" in (ROOT / path).read_text(encoding="utf-8"), name

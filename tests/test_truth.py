@@ -144,6 +144,7 @@ def test_what_the_committed_ranges_admit() -> None:
     assert {"tilt_rise_db_octave", "takes_apart_db", "release_ms", "burst_peak_ms", "fundamental_db"} <= set(of_hand)
 
 
+@pytest.mark.slow
 def test_ranges_say_no_more_than_that_nothing_is_absurd() -> None:
     """Forty decaying sines lie within them: who wants to know whether a sound is real asks the impostor test."""
     bass, _ = ranges.read(RANGES)
@@ -175,6 +176,7 @@ def hands(fretted: tuple[Player, judge.ByVelocity]) -> dict[str, list[float]]:
 
 
 @pytest.mark.parametrize("name", ranges.CANDIDATES)
+@pytest.mark.slow
 def test_the_bass_lies_among_recordings(name: str, fretted: tuple[Player, judge.ByVelocity]) -> None:
     """Six notes, three velocities: at least 70 % within the range of each measure by which recordings know each other."""
     _, found = fretted
@@ -190,6 +192,7 @@ def test_a_note_without_a_measure_is_not_within_its_range() -> None:
     assert judge.share(found, "t60_1", reference) == 0.5
 
 
+@pytest.mark.slow
 def test_colour_and_level_follow_the_hand(hands: dict[str, list[float]]) -> None:
     assert min(hands["tilt_rise_db_octave"]) >= 5.0
     assert 7.0 <= np.median(hands["level_rise_db"]) <= 13.0

@@ -37,6 +37,7 @@ def test_strings_tuned_by_setting_are_in_tune() -> None:
     assert abs(worst(pitches).cents) < LIMIT_CENTS, worst(pitches)
 
 
+@pytest.mark.slow
 def test_contact_does_shift_the_pitch_and_calibration_takes_it_back() -> None:
     preset = load_preset("tanpura-light")
     bare = preset.model_copy(update={"tuning": preset.tuning.model_copy(update={"contact_cents": None})})
@@ -50,6 +51,7 @@ def test_contact_does_shift_the_pitch_and_calibration_takes_it_back() -> None:
     assert again is calibrated
 
 
+@pytest.mark.slow
 def test_measure_sees_a_string_that_is_out_of_tune() -> None:
     preset = load_preset("fretted-bass").with_setting("string.3.cents", "7")
     # cents of a string are its intended pitch; a preset whose a4 moved after it was measured would be wrong
@@ -80,6 +82,7 @@ def test_single_strings() -> None:
     assert all(len(alone.string) == 1 for *_, alone in found)
 
 
+@pytest.mark.slow
 def test_tune_presets_writes_the_table_and_nothing_else(tmp_path: Path) -> None:
     text = (ROOT / "presets" / "tanpura-light.toml").read_text(encoding="utf-8")
     lines = text.splitlines()

@@ -38,6 +38,7 @@ def everything(folder: Path) -> dict[str, bytes | None]:
     return {str(path.relative_to(folder)): path.read_bytes() if path.is_file() else None for path in folder.rglob("*")}
 
 
+@pytest.mark.slow
 def test_this_machine_renders_and_nothing_is_written(tmp_path) -> None:
     folders = {"XDG_CACHE_HOME": str(tmp_path / "cache"), "HOME": str(tmp_path), "TMPDIR": str(tmp_path / "temporary")}
     (tmp_path / "temporary").mkdir()
@@ -62,6 +63,7 @@ def test_this_machine_renders_and_nothing_is_written(tmp_path) -> None:
 GONE = "raise ImportError('No module named here')"
 
 
+@pytest.mark.slow
 def test_a_machine_without_libraries_says_what_to_install(tmp_path) -> None:
     for name in ("rtmidi", "jack", "starlette", "numba"):
         (tmp_path / f"{name}.py").write_text(GONE, encoding="utf-8")

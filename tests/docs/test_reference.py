@@ -336,6 +336,7 @@ def test_links_of_the_pages_lead_somewhere(pages: dict[str, str]) -> None:
             assert not place or f'<a id="{place}">' in other or place in slugs, (name, target, place)
 
 
+@pytest.mark.slow
 def test_the_tool_writes_the_pages_and_leaves_what_has_not_changed(tmp_path: Path, pages: dict[str, str]) -> None:
     folder = tmp_path / "made" / "reference"
     tool = [sys.executable, str(ROOT / "tools" / "reference"), str(folder)]

@@ -117,6 +117,7 @@ def test_each_thread_has_its_own_switch():
     assert np.all(seen["restored"] > 0)
 
 
+@pytest.mark.slow
 def test_it_works_from_the_cache(tmp_path):
     """A second process takes the compiled code from disk, and that code flushes too."""
     program = tmp_path / "flushing.py"

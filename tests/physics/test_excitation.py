@@ -82,6 +82,7 @@ def test_linear_in_displacement_and_mirrored(share, width, displacement):
     assert np.allclose(mirrored, signs * q, rtol=0, atol=1e-13 * displacement)
 
 
+@pytest.mark.slow
 def test_the_papers_start(reference):
     """The authors' string starts from the triangle rounded by a parabola, peak *not* renormalised."""
     q0 = reference("tanpura_q0.npz")["q0"]

@@ -164,6 +164,7 @@ def test_random_scenes_never_gain_energy(lightness, hold):
     assert touched > 1000
 
 
+@pytest.mark.slow
 def test_every_root_of_a_frame_is_passive_also_where_there_are_several():
     """A body 10⁴ times too light gives a frame several sets of forces; none of them gains energy."""
     several, roots = 0, 0
@@ -187,6 +188,7 @@ def test_every_root_of_a_frame_is_passive_also_where_there_are_several():
     assert several > 0
 
 
+@pytest.mark.slow
 def test_a_body_of_true_weight_leaves_a_frame_one_root():
     for steps in (2, 4):
         frames = touching(2, 30, None, steps)

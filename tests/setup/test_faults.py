@@ -76,6 +76,7 @@ def test_one_high_fret_is_found_with_its_number_and_its_height(bass: Preset, not
     assert found >= 19
 
 
+@pytest.mark.slow
 def test_a_backbow_is_told_from_a_high_fret_and_a_low_nut(bass: Preset, notes: list[Wanted]) -> None:
     rng = np.random.default_rng(35)
     for _ in range(10):
@@ -84,6 +85,7 @@ def test_a_backbow_is_told_from_a_high_fret_and_a_low_nut(bass: Preset, notes: l
         assert HIGH_FRET not in found
 
 
+@pytest.mark.slow
 def test_a_low_nut_is_told_from_a_high_fret_and_a_backbow(bass: Preset, notes: list[Wanted]) -> None:
     rng = np.random.default_rng(36)
     for _ in range(10):
@@ -92,6 +94,7 @@ def test_a_low_nut_is_told_from_a_high_fret_and_a_backbow(bass: Preset, notes: l
         assert HIGH_FRET not in found and BACKBOW not in found
 
 
+@pytest.mark.slow
 def test_a_sound_neck_has_no_fault(bass: Preset, notes: list[Wanted]) -> None:
     rng = np.random.default_rng(37)
     wrong = [kinds(neck(bass, rng, action_bass_mm=4.5, action_treble_mm=4.5, nut_bass_mm=1.2), notes) for _ in range(20)]
@@ -162,6 +165,7 @@ def test_too_few_frets_are_refused() -> None:
         neck_of(np.arange(1.0, 5.0), np.zeros(4))
 
 
+@pytest.mark.slow
 def test_dressing_a_high_fret_lowers_the_action(bass: Preset) -> None:
     preset = neck(bass, np.random.default_rng(41), 2)
     answer = propose(preset, parse("no buzz at medium", ["E", "A", "D", "G"]), strings=["G"], threads=2)
@@ -179,6 +183,7 @@ def test_a_fall_away_from_any_fret_is_no_high_fret(knee: int) -> None:
     assert neck_of(x, -1e-3 - 0.3e-3 * 4.0 * s * (1.0 - s) - fallen).high == ()
 
 
+@pytest.mark.slow
 def test_a_low_nut_does_not_depend_on_what_is_wished() -> None:
     """The nut of the electric guitar is sound, however hard open strings alone are to be plucked."""
     guitar = load_preset("electric-guitar")
@@ -191,6 +196,7 @@ def test_a_low_nut_does_not_depend_on_what_is_wished() -> None:
         assert LOW_NUT in kinds(low, wanted_notes(low, parse(text, names), strings=["E4"], threads=2))
 
 
+@pytest.mark.slow
 def test_a_neck_given_by_its_action_has_no_high_fret() -> None:
     guitar = load_preset("electric-guitar")
     setup = Setup(action_bass_mm=1.8, relief_mm=0.2, fall_away_mm=0.3, fall_away_fret=16)

@@ -37,6 +37,7 @@ def buzzing(preset: Preset, notes: list[Wanted]) -> int:
     return sum(each.buzz_db(preset) >= AUDIBLE_DB for each in notes)
 
 
+@pytest.mark.slow
 def test_nothing_buzzes_in_the_proposed_set_up(guitar: Preset, wanted: list[Wanted], found: Proposal) -> None:
     assert found.remaining == ()
     preset = guitar
@@ -45,11 +46,13 @@ def test_nothing_buzzes_in_the_proposed_set_up(guitar: Preset, wanted: list[Want
     assert buzzing(preset, wanted) == 0
 
 
+@pytest.mark.slow
 def test_a_little_lower_something_buzzes(guitar: Preset, wanted: list[Wanted], found: Proposal) -> None:
     action, relief = found.values_mm
     assert buzzing(adjusted(guitar, (action - 0.04, relief)), wanted) > 0
 
 
+@pytest.mark.slow
 def test_no_other_relief_allows_a_set_up_that_counts_less(guitar: Preset, wanted: list[Wanted], found: Proposal) -> None:
     """Among reliefs on a grid, each with its own lowest action by trial, none is better by more than the rounding."""
     cost = found.values_mm[0] + 0.5 * found.values_mm[1]
@@ -58,11 +61,13 @@ def test_no_other_relief_allows_a_set_up_that_counts_less(guitar: Preset, wanted
             assert buzzing(adjusted(guitar, (float(action), float(relief))), wanted) > 0
 
 
+@pytest.mark.slow
 def test_what_buzzes_now_is_named(guitar: Preset, wanted: list[Wanted], found: Proposal) -> None:
     assert len(found.buzzing) == buzzing(guitar, wanted)
     assert found.notes == len(wanted) == 44
 
 
+@pytest.mark.slow
 def test_heights_are_affine_in_what_is_turned(guitar: Preset, wanted: list[Wanted]) -> None:
     now = np.array([each.now_mm for each in adjustments(guitar)])
     for each in wanted[:12]:
@@ -75,6 +80,7 @@ def test_heights_are_affine_in_what_is_turned(guitar: Preset, wanted: list[Wante
         assert at(now + 2.0 * step) - at(now) == pytest.approx(2.0 * (at(now + step) - at(now)), abs=1e-12)
 
 
+@pytest.mark.slow
 def test_a_want_beyond_the_bounds_says_what_still_buzzes(guitar: Preset) -> None:
     loud = guitar.with_setting("pluck.displacement_mm", "19")
     found = lowest(loud, notes_of(loud, "no buzz at hard", ["G3"], "draft"), threads=2)
@@ -137,6 +143,7 @@ def test_a_wish_that_lets_every_note_buzz_is_refused(guitar: Preset) -> None:
         notes_of(guitar, "no buzz at medium, except open strings may buzz, except frets 1-30 may buzz")
 
 
+@pytest.mark.slow
 def test_progress_goes_to_the_end_and_never_back() -> None:
     from synth.setup.proposals import propose
 

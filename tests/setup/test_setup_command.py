@@ -99,6 +99,7 @@ def _measured(folder: Path) -> None:
     (folder / "bass.toml").write_text(tomlkit.dumps(text), "utf-8")
 
 
+@pytest.mark.slow
 def test_a_wish_is_answered_and_written(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["setup", "electric-guitar", "--want", "no buzz at medium, except open strings may buzz", "--string", "G3"]
     assert main([*words, "--quality", "draft", "-o", "mine.toml"]) == 0
@@ -116,6 +117,7 @@ def test_a_wish_is_answered_and_written(folder: Path, capsys: pytest.CaptureFixt
     assert about["remaining"] == []
 
 
+@pytest.mark.slow
 def test_a_preset_comes_from_a_pipe_and_is_read_once(folder: Path) -> None:
     """`synth setup <(…) --want … -o mine.toml`: there is nothing to read a second time."""
     text = (Path(__file__).parents[2] / "presets" / "electric-guitar.toml").read_bytes()
@@ -194,6 +196,7 @@ def test_an_input_is_not_overwritten(folder: Path, capsys: pytest.CaptureFixture
     assert Path("bass.toml").read_bytes() == text
 
 
+@pytest.mark.slow
 def test_ctrl_c_keeps_what_was_computed(folder: Path) -> None:
     """A real process on a terminal: interrupted once some notes are done, it prints and writes these."""
     terminal, side = pty.openpty()

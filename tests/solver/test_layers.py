@@ -123,6 +123,7 @@ def test_a_bare_contact_is_the_rigid_one() -> None:
         np.testing.assert_allclose(bare.q, rigid.q, rtol=0.0, atol=1e-9 * np.abs(rigid.q).max())
 
 
+@pytest.mark.slow
 def test_it_tends_to_a_spring_and_a_dashpot() -> None:
     """Eight modes over one deep layer against their differential equation: the error is of second order."""
     string = String.from_inharmonicity(0.6, 80.0, 2e-3, 1e-5, 0.4e-3)

@@ -70,6 +70,7 @@ def shapes_at(positions, modes):
 # --- made up ------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_random_definite():
     """Wishart matrices of condition up to some hundreds: the force too is the same, and the NumPy Lemke's."""
     rng = np.random.default_rng(1)
@@ -83,6 +84,7 @@ def test_random_definite():
             np.testing.assert_allclose(z, expected, rtol=0, atol=1e-9 * np.abs(expected).max(initial=1e-30))
 
 
+@pytest.mark.slow
 def test_scaled_rows():
     """Compliances over six decades, as of points near the end and in the middle: the residual is in w's units."""
     rng = np.random.default_rng(2)

@@ -196,6 +196,7 @@ def test_nothing_moves_further_than_is_spent(pushed: str) -> None:
         assert closest < 0.15
 
 
+@pytest.mark.slow
 def test_a_block_in_which_it_is_used_up_is_gone_through_once_more() -> None:
     """A finger that pushes a string suddenly onto frets which were passed over."""
     taken_back = 0

@@ -179,6 +179,7 @@ MOST_CHANGED = [
 
 
 @pytest.mark.parametrize(("name", "note", "velocity", "articulation", "chaotic"), MOST_CHANGED)
+@pytest.mark.slow
 def test_the_most_changed_notes_stay_within_the_stated_figures(name, note, velocity, articulation, chaotic):
     """e below 1e-4 on a bridge; over frets above that, and at most a fifth of each measure that `standard` promises."""
     (found,) = rounding.measured(load_preset(name), [note], [velocity], articulation=articulation)
