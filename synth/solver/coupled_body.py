@@ -144,7 +144,7 @@ def push_body(body, number: int, force) -> None:
 
 @njit(**INNER)
 def drive_body(body, frame: float, frames: int, at: int, out) -> None:
-    """The modes pass the frames of a block, K or one, under its forces; out[:, at …] gets what they radiate."""
+    """The modes pass the frames of a block, K at most, under its forces; out[:, at …] gets what they radiate."""
     knocked, per_frame = body.ahead.knocked[0] != 0, 1.0 / frame
     for channel in range(out.shape[0]):
         row = body.ahead.radiates[channel]
@@ -155,7 +155,7 @@ def drive_body(body, frame: float, frames: int, at: int, out) -> None:
     n, rows, p, speed, parts = body.motion.p.size, body.rows, body.motion.p, body.motion.speed, body.parts
     force = body.ahead.force
     if frames < BLOCK:
-        _step_body(body)
+        _step_body(body, frames)
     elif knocked:
         drive_listed_kicked(n, rows, p, speed, parts.size, parts, body.shape, force, body.struck, force[HAND])
     else:
@@ -163,13 +163,14 @@ def drive_body(body, frame: float, frames: int, at: int, out) -> None:
 
 
 @njit(fastmath=FAST, **INNER)
-def _step_body(body) -> None:
-    """The modes pass one frame."""
+def _step_body(body, frames: int) -> None:
+    """The modes pass so many frames, one after the other."""
     rows, p, p_speed, shape, struck = body.rows, body.motion.p, body.motion.speed, body.shape, body.struck
     force = body.ahead.force
-    x, y, z, hand = force[0, 0], force[1, 0], force[2, 0], force[HAND, 0]
-    for j in range(p.size):
-        push = x * shape[0, j] + y * shape[1, j] + z * shape[2, j]
-        before, speed = p[j], p_speed[j] + hand * struck[j]
-        p[j] = rows[P11, j] * before + rows[P12, j] * speed + rows[KQ, j] * push
-        p_speed[j] = rows[P21, j] * before + rows[P22, j] * speed + rows[KV, j] * push
+    for frame in range(frames):
+        x, y, z, hand = force[0, frame], force[1, frame], force[2, frame], force[HAND, frame]
+        for j in range(p.size):
+            push = x * shape[0, j] + y * shape[1, j] + z * shape[2, j]
+            before, speed = p[j], p_speed[j] + hand * struck[j]
+            p[j] = rows[P11, j] * before + rows[P12, j] * speed + rows[KQ, j] * push
+            p_speed[j] = rows[P21, j] * before + rows[P22, j] * speed + rows[KV, j] * push

@@ -112,12 +112,13 @@ def advance_frames(coupling: int, scratch: int, frames: int, stretch: int, out) 
         status = max(status, _certain_block(coupling, scratch, int(np.int64(BLOCK)), at, until, out))
     if blocks > 0:
         _leave_apart(coupling)
-    for at in range(blocks * BLOCK, frames):
+    at = blocks * BLOCK
+    if at < frames:
         if at % stretch == 0:
             _begin_stretch(coupling, at // stretch)
         _look_apart(coupling, False, False)
-        status = max(status, _certain_block(coupling, scratch, int(np.int64(1)), at, frames, out))
-        _step_apart(coupling)
+        status = max(status, _certain_block(coupling, scratch, frames - at, at, frames, out))
+        _step_apart(coupling, frames - at)
     return status
 
 
@@ -412,17 +413,18 @@ def _leave_apart(coupling: int) -> None:
 
 
 @njit(**INNER)
-def _step_apart(coupling: int) -> None:
-    """Advance the lines that are not looked at by one frame."""
+def _step_apart(coupling: int, frames: int) -> None:
+    """Advance the lines that are not looked at by so many frames of the last block, fewer than K."""
     c = coupling_at(coupling)
     for line in range(c.lines.end.size):
         e, s = end_at(c.lines.end[line]), string_state(c.lines.state[line])
         if not e.counts[ENGAGED]:
             n = e.counts[APART_MODES]
             q, v = s.q[:n], s.v[:n]
-            for i in range(COMPONENTS):
-                add(c.lines.direction[line, i] * c.block.kicks[i, 0], e.kick[:n], v)
-            fly(e.flight, q, v)
+            for frame in range(frames):
+                for i in range(COMPONENTS):
+                    add(c.lines.direction[line, i] * c.block.kicks[i, frame], e.kick[:n], v)
+                fly(e.flight, q, v)
 
 
 @njit(inline="always")
@@ -434,7 +436,7 @@ def _within(c, e, line: int, number: int) -> tuple[int, int]:
 
 @njit(**INNER)
 def _block(coupling: int, scratch: int, frames: int, at: int) -> int:
-    """K frames, or one, from number `at` of the call on; a line that is looked at takes K steps of its own at a time. Left
+    """At most K frames from number `at` of the call on; a line that is looked at takes K steps of its own at a time. Left
     off where a contact was passed over that might have been touched."""
     c = coupling_at(coupling)
     status = int(np.int64(0))
@@ -464,8 +466,7 @@ def _block(coupling: int, scratch: int, frames: int, at: int) -> int:
                     by_frames = e.counts[BY_FRAMES] != 0  # `_look_closer` has asked
                     if e.block.known[CULLING] != NEVER and not by_frames and (number == 0 or e.block.known[LASTS] == 0):
                         cull(coupling, line, scratch, (frames - number) * c.lines.steps[line])
-                    if e.block.known[LASTS] > 0:
-                        e.block.known[LASTS] -= BLOCK if frames > 1 else e.block.known[LASTS]
+                    e.block.known[LASTS] = max(0, e.block.known[LASTS] - BLOCK)
                     speed, height = along(c, line, c.bridge.speed), along(c, line, c.bridge.beta)
                     dt = c.frame if by_frames else string_model(c.lines.model[line]).dt
                     look_at_line(c.lines.model[line], c.lines.state[line], end, steps_of(c, e, line), dt, speed, height)
@@ -480,8 +481,8 @@ def _block(coupling: int, scratch: int, frames: int, at: int) -> int:
             every, within = _within(c, e, line, number)
             if within == every - 1:
                 drive_line(c.lines.model[line], c.lines.state[line], end, steps_of(c, e, line), number + 1 < frames)
-            elif frames == 1:
-                step_line(c.lines.model[line], c.lines.state[line], end, steps_of(c, e, line))
+            elif number == frames - 1:
+                step_line(c.lines.model[line], c.lines.state[line], end, steps_of(c, e, line), within + 1)
     return status
 
 

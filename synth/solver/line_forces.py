@@ -503,21 +503,24 @@ def drive_line(model: int, state: int, end: int, steps: int, more: bool) -> None
 
 
 @njit(**INNER)
-def step_line(model: int, state: int, end: int, steps: int) -> None:
-    """Advance the modes by the first `steps` steps of the block, fewer than K, or its first frame, as `drive_line` does."""
+def step_line(model: int, state: int, end: int, steps: int, frames: int) -> None:
+    """Advance the modes by so many frames of `steps` steps since they were looked at, fewer than K steps in all, or fewer
+    than K frames, as `drive_line` does by all of them."""
     m, s, e = string_model(model), string_state(state), end_at(end)
-    rows, contacts = _rows_of(m, e), m.contacts.size
+    rows, contacts, clear = _rows_of(m, e), m.contacts.size, e.counts[KIND] == CLEAR
     n = moving_modes(m, e)
     q, v = s.q[:n], s.v[:n]
     kq, kv = rows[4, :n], rows[5, :n]
-    add(e.block.kicks[0], e.kick[:n], v)
-    if e.counts[KIND] == CLEAR:
-        fly(e.flight, q, v)
-        return
-    for t in range(steps):
-        fly(rows, q, v)
-        for i in range(e.counts[NEAR]):
-            if e.block.forces[i, t] != 0.0:
-                push_modes(q, v, kq, kv, m.contacts.shapes[e.block.near[i]], e.block.forces[i, t])
-        if s.finger[0].on != 0:
-            push_modes(q, v, kq, kv, s.grip.weights, e.block.forces[contacts, t])
+    for frame in range(frames):
+        first = frame if clear else frame * steps
+        add(e.block.kicks[first], e.kick[:n], v)
+        if clear:
+            fly(e.flight, q, v)
+            continue
+        for t in range(first, first + steps):
+            fly(rows, q, v)
+            for i in range(e.counts[NEAR]):
+                if e.block.forces[i, t] != 0.0:
+                    push_modes(q, v, kq, kv, m.contacts.shapes[e.block.near[i]], e.block.forces[i, t])
+            if s.finger[0].on != 0:
+                push_modes(q, v, kq, kv, s.grip.weights, e.block.forces[contacts, t])
