@@ -97,6 +97,27 @@ def test_what_is_passed_over_changes_nothing(steps: int, held: bool) -> None:
     assert near < 0.7 * there
 
 
+@pytest.mark.parametrize("steps", [1, 2, 4, 8])
+def test_blocks_cut_short_under_a_finger_are_single_frames(steps: int) -> None:
+    """While a finger presses a string down on some of its frets: to rounding."""
+    touched, by_pieces = 0, (13, 6, 20, 7, 5)
+    for seed in range(10):
+        pair = []
+        for pieces in (by_pieces, (1,) * sum(by_pieces)):
+            _, x, kernel = fretted(100 + seed, steps, path=1 + 64 * steps)
+            kernel.start(1e-2 * x)
+            drawn(kernel, 0, steps, seed)
+            path, at = kernel.ends[0].path.copy(), 0
+            for frames in pieces:
+                kernel.ends[0].path[: frames * steps + 1] = path[at * steps : (at + frames) * steps + 1]
+                kernel.advance(frames)
+                at += frames
+            pair.append(kernel)
+        assert np.abs(pair[0].x - pair[1].x).max() < 1e-8 * np.abs(pair[1].x).max(), seed
+        touched += int(pair[0].force.any())
+    assert touched > 0
+
+
 def drawn(kernel: Kernel, block: int, steps: int, seed: int) -> None:
     """A finger on the first string goes down fast over these frames, up again, and leaves after three times."""
     lines_of, end = kernel.lines, kernel.ends[0]
