@@ -179,6 +179,33 @@ def test_how_a_command_ends(monkeypatch, capfd, error, code: int) -> None:
     assert "Traceback" not in capfd.readouterr().err
 
 
+#: a command that a signal ends while an object is half built, whose destructor then fails
+_HALF_BUILT = """
+import signal, sys
+from synth import cli
+from synth.cli import presets
+
+number = int(sys.argv.pop())
+
+class Half:
+    def __init__(self):
+        signal.raise_signal(number)
+        self.pointer = 1
+
+    def __del__(self):
+        print(self.pointer)
+
+presets._list_presets = lambda _: Half()
+sys.exit(cli.main())
+"""
+
+
+@pytest.mark.parametrize(("how", "code", "says"), [(signal.SIGINT, 130, "synth: interrupted\n"), (signal.SIGTERM, 143, "")])
+def test_objects_half_built_at_a_signal_are_not_reported(how: signal.Signals, code: int, says: str) -> None:
+    ended = subprocess.run([sys.executable, "-c", _HALF_BUILT, "presets", str(int(how))], capture_output=True, text=True)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (code, "", says)
+
+
 def test_termination_ends_with_143_and_restores_the_handler(monkeypatch) -> None:
     def stop(_: object) -> int:
         signal.raise_signal(signal.SIGTERM)

@@ -90,16 +90,25 @@ def _run(arguments: Sequence[str] | None, ends: bool) -> int:
             print(fault(f"not enough memory; {remedy}"), file=sys.stderr)
             return 2
         except KeyboardInterrupt:
-            unfinished.discard_unfinished()
-            streams.drop_output()
+            _leave_undone(ends)
             print("synth: interrupted", file=sys.stderr)
             return 130
         except _Terminated as end:
-            unfinished.discard_unfinished()
-            streams.drop_output()
+            _leave_undone(ends)
             return 128 + end.number
         finally:
             streams.settle_output()
+
+
+def _leave_undone(ends: bool) -> None:
+    """Removes unfinished files and drops output that a signal left unsaid.
+
+    A signal may come while a library builds an object; the destructor of that object then fails, and Python would report
+    it after the command's own last line. Where the process ends (`ends`), these reports are dropped."""
+    if ends:
+        sys.unraisablehook = lambda _: None
+    unfinished.discard_unfinished()
+    streams.drop_output()
 
 
 class _Terminated(BaseException):
