@@ -32,6 +32,7 @@ from synth.engine.core import (
     tally_of,
     voice_of,
 )
+from synth.engine.ends import on_bridge
 from synth.engine.expression import bend_of, follow, height_of, is_settled
 from synth.engine.free_flight import fade, fly, row_of, take_off, touch_down
 from synth.engine.instruments import may_fly, may_sleep
@@ -158,9 +159,8 @@ def _follow_controls(core: int, s: int, bend: float, height: float) -> None:
     hand, expression, motion = hand_of(core, s), expression_of(core, s), motion_of(core, s)
     expression.bend = bend
     expression.height = height
-    string = string_of(core, s)
-    if string.counts[FREE] == 0:  # what can touch nothing leaves the modes at rest that are
-        string.counts[MOVING] = bank_of(core).models[hand.model].n
+    if on_bridge(core, s) and string_of(core, s).counts[FREE] == 0:
+        string_of(core, s).counts[MOVING] = bank_of(core).models[hand.model].n
     motion.stale = 1
 
 

@@ -44,8 +44,6 @@ def _set_coefficients(core: int, thread: int, s: int) -> None:
     string.due[:] = 0
     string.counts[FREE] = 0
     string.counts[CERTAIN] = 0
-    if not on_bridge(core, s):  # there a line that is looked at moves all (`line_tables.look_at`)
-        string.counts[MOVING] = model.modes
     set_rest(core, thread, s)
     motion.altered = 1 if expression.hand != 0.0 or expression.bend != 0.0 else 0
     if shared_of(core).board_at[hand.model] != 0:

@@ -123,9 +123,15 @@ def fly_modes(model: int, scratch: int, q, v, modes: int, blocks: int, out) -> N
 @njit(inline="always")
 def _single_rows(m, w, modes: int):
     """(ROWS, padded_single(N)) float32 of a model: its own, or, of so many modes, made in the Scratch where it has none."""
-    if m.single.rows.shape[1] == 0:
-        fill_single_rows(m.rows, min(modes, m.rows.shape[1]), in_rows(w.single.rows, ROWS, padded_single(m.modes)))
+    _fill_own_rows(m, w, int(np.int64(0)), min(modes, m.rows.shape[1]))
     return _rows_in_use(m, w)
+
+
+@njit(inline="always")
+def _fill_own_rows(m, w, first: int, modes: int) -> None:
+    """Columns first … modes of the rows in the Scratch, of a model that has none of float32 itself."""
+    if m.single.on and m.single.rows.shape[1] == 0:
+        fill_single_rows(m.rows, first, modes, in_rows(w.single.rows, ROWS, padded_single(m.modes)))
 
 
 @njit(inline="always")
@@ -306,7 +312,8 @@ def advance_blocks(model: int, state: int, scratch: int, blocks: int, stride: in
     n = padded_single(m.modes)
     q, v = w.single.q[:n], w.single.v[:n]
     take(s.q, s.v, m.modes, q, v)
-    moving, rows = padded_single(s.counts[MOVING]), _single_rows(m, w, m.modes)
+    moving = padded_single(s.counts[MOVING])
+    rows = _single_rows(m, w, min(moving, m.modes))
     result = _advance(model, state, scratch, blocks, stride, moving, rows, m.single.shapes, m.single.weights, q, v)
     give_back(q, v, m.modes, s.q, s.v)
     return result
@@ -317,7 +324,7 @@ def _advance(
     model: int, state: int, scratch: int, blocks: int, stride: int, moving: int, rows, shapes, all_weights, q, v
 ) -> int:  # fmt: skip
     """The same with the modes q, v (n,), of which `moving` may not be zero, and what they are multiplied with: rows
-    (ROWS, n), shapes (C, n), weights (P, n)."""
+    (ROWS, n), of which the first `moving` columns are there, shapes (C, n), weights (P, n)."""
     m, s, w = string_model(model), string_state(state), scratch_of(scratch)
     law, n, points, contacts = m.law, rows.shape[1], m.outputs.points, shapes.shape[0]
     lags, eta = m.contacts.lags, s.eta
@@ -382,6 +389,8 @@ def _advance(
                     w.contact_u[(at + k) * contacts + near[i]] = u[i, k]
         if touched:
             note_forces(model, scratch, several, at, stride)
+            if moving < n:
+                _fill_own_rows(m, w, moving, m.modes)
             if several == 1:
                 drive(n, rows, q, v, shapes[near[0]], forces[0])
             else:

@@ -331,7 +331,7 @@ def _ensure_singles(e, n: int) -> None:
     of[0], of[1], of[2], of[3] = flight[ADV11, 0], flight[ADV12, 0], flight[ADV11, last], flight[ADV12, last]
     of[4] = e.kick[last]
     whole = padded_single(n)
-    fill_single_rows(flight, n, e.single.flight)
+    fill_single_rows(flight, int(np.int64(0)), n, e.single.flight)
     round_into(e.kick, n, e.single.kick[:whole])
     round_into(e.pull, n, e.single.pull[:whole])
 

@@ -62,16 +62,16 @@ def keeps_losses(sigma: np.ndarray, dt: float) -> bool:
     return bool(np.all(sigma * BLOCK * dt >= _LEAST_LOSS))
 
 
-@kernel(float64[:, ::1], int64, float32[:, ::1])
-def fill_single_rows(rows, modes: int, singles) -> None:
-    """singles (ROWS, ≥padded_single(modes)) float32 of the first `modes` columns of rows (ROWS, ≥modes): as `lanes` takes
-    them, zero behind those."""
+@kernel(float64[:, ::1], int64, int64, float32[:, ::1])
+def fill_single_rows(rows, first: int, modes: int, singles) -> None:
+    """singles (ROWS, ≥padded_single(modes)) float32 of columns first … modes of rows (ROWS, ≥modes): as `lanes` takes them,
+    zero behind those."""
     for r in range(ROWS):
         less = 1.0 if r == ADV11 or r == ADV22 else 0.0
-        for j in range(modes):
-            singles[r, j] = rows[r, j] - less
-        for j in range(modes, padded_single(modes)):
-            singles[r, j] = 0.0
+        row, single = rows[r, first:modes], singles[r, first:modes]
+        for j in range(row.size):
+            single[j] = row[j] - less
+        singles[r, modes : padded_single(modes)] = 0.0
 
 
 @njit(**INNER)

@@ -303,7 +303,7 @@ def in_single(model: StringModel) -> StringModel:
     """The model with its modes in float32 where it is advanced in blocks: what its float64 arrays say, rounded."""
     singles = padded_single(model.modes)
     rows = aligned((ROWS, singles), np.float32)
-    fill_single_rows(model.rows, model.rows.shape[1], rows)
+    fill_single_rows(model.rows, 0, model.rows.shape[1], rows)
     shapes, weights = (padded_rows(each, singles, np.float32) for each in (model.contacts.shapes, model.outputs.weights))
     return model._replace(single=SingleTables(1, rows, shapes, weights))
 
