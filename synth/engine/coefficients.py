@@ -24,7 +24,7 @@ from synth.engine.ends import on_bridge
 from synth.engine.hand_damping import damping, raise_modes
 from synth.engine.layout import CORE, FLYING, PLAIN, STEPS_DUE
 from synth.engine.on_board import stop_on_board
-from synth.solver.due_responses import fill_contact_matrix, fill_step, put_off_rows
+from synth.solver.due_responses import fill_contact_matrix, fill_step, put_off
 from synth.solver.fingers import fill_grip
 from synth.solver.lanes import padded
 from synth.solver.laws import EXACT_HOLD
@@ -99,7 +99,7 @@ def alter_steps(core: int, thread: int, s: int) -> None:
         return
     rows, matrix = own.rows, own.contacts.matrix
     if plain.law == EXACT_HOLD and c > 1:
-        put_off_rows(model_address(core, s), shared_of(core).string_at[s], relief)
+        put_off(model_address(core, s), shared_of(core).string_at[s], relief)
         return
     fill_contact_matrix(model_address(core, s), relief)
     q, v, spare = scratch.modes.q[:cap], scratch.modes.v[:cap], scratch.rows.spare

@@ -169,7 +169,7 @@ class CoupledLines:
         model_at, end_at = (int(each.ctypes.data) for each in tables)
         room = (aligned(size), aligned(size), aligned((3, BLOCK)))
         fill_apart(end_at, *room)
-        fill_looked_at(model_at, end_at, self.steps[k], *room)
+        fill_looked_at(model_at, end_at, *room)
         self.models[k], self.ends[k], self._tables[k] = model, end, tables
         self.coupling.lines.model[k], self.coupling.lines.end[k] = model_at, end_at
         self.states[k].eta[:] = line.eta

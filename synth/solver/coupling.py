@@ -123,6 +123,7 @@ class EndResponses(NamedTuple):
 
     share: Annotated[np.ndarray, f8("2")]  # Σ c² of the modes that move
     own: Annotated[np.ndarray, f8("2, RESPONSE")]  # pull after a unit kick, by frames
+    waits: Annotated[np.ndarray, u1("contacts")]  # contacts whose moved, reach and drawn are filled when they are looked at
     moved: Annotated[np.ndarray, f8("contacts, RESPONSE")]  # gaps after a unit kick, by steps, the end's way among it
     reach: Annotated[np.ndarray, f8("contacts, BLOCK")]  # mean force on the bridge of one in each step of a frame
     drawn: Annotated[np.ndarray, f8("contacts, BLOCK")]  # pull after that: by step and frame, `_fill_reach`
@@ -143,7 +144,7 @@ class LineCertificate(NamedTuple):
 class LineBlock(NamedTuple):
     """Room for a block of a line: rows of its contacts looked at, then of its finger, by steps; what a frame asked of it."""
 
-    pulled: Annotated[np.ndarray, f8("1, contacts + 1, RESPONSE")]  # pull after a force, by steps
+    pulled: Annotated[np.ndarray, f8("1, RESPONSE")]  # pull after a force, by steps
     row: Annotated[np.ndarray, f8("BLOCK")]  # pull at the ends of the frames that lie ahead
     u: Annotated[np.ndarray, f8("contacts + 1, BLOCK")]  # gaps of the contacts looked at, then height under the finger
     forces: Annotated[np.ndarray, f8("contacts + 1, BLOCK")]

@@ -4,9 +4,8 @@ What bends or damps a string gives it coefficients of its own, and all its respo
 that is bent or damped press nothing until it is bent again. StringState.due says which contacts still wait. An entry
 depends on the coefficients alone, not on when it is filled: it is what `responses.fill_lags` would have put there.
 
-The response at l = 0, ContactTables.matrix, is what asks which contacts press needs: of two or more at a time. A string on a
-shared body has all of it from the start (`put_off`); of others each row waits until its contact is asked beside another
-(`put_off_rows`), and the diagonal alone is there.
+The response at l = 0, ContactTables.matrix, is what asks which contacts press needs: of two or more at a time. Each row
+waits until its contact is asked beside another, and the diagonal alone is there.
 """
 
 from __future__ import annotations
@@ -48,17 +47,6 @@ def fill_contact_matrix(model: int, relief: float) -> None:
                 under.matrix[a, b] += relief * under.residual[a, b]
 
 
-@njit(cache=True, nogil=True)
-def put_off(model: int, state: int) -> None:
-    """All responses to contacts of a model whose rows and matrix are there are to be filled when they are needed."""
-    under, s = string_model(model).contacts, string_state(state)
-    contacts = under.lags.shape[0]
-    for c in range(contacts):
-        s.due[c] = RESPONSES_DUE
-        for d in range(contacts):
-            under.lags[c, d, BLOCK] = under.matrix[c, d]
-
-
 @njit(fastmath=FAST, **INNER)
 def _moved(gain, here, there) -> float:
     """Σ φ_j κ_j φ′_j: what a unit force at one of two contacts moves the other by within its step."""
@@ -69,9 +57,9 @@ def _moved(gain, here, there) -> float:
 
 
 @njit(cache=True, nogil=True)
-def put_off_rows(model: int, state: int, relief: float) -> None:
-    """`put_off` of an exact-hold model of which only the rows of coefficients are there: its matrix waits, too, but for the
-    diagonal. Below that stands what relief adds to a pair's entry."""
+def put_off(model: int, state: int, relief: float) -> None:
+    """All responses to contacts of an exact-hold model whose rows are there are to be filled when they are needed, and its
+    matrix but for the diagonal, too. Below that stands what relief adds to a pair's entry."""
     m, s = string_model(model), string_state(state)
     under = m.contacts
     for c in range(under.size):
@@ -106,7 +94,7 @@ def fill_all_rows(model: int, state: int) -> None:
 
 
 @njit(**INNER)
-def _strike(m, c: int, q, v) -> None:
+def strike(m, c: int, q, v) -> None:
     """q, v (n,) after a unit force at a contact."""
     for j in range(m.rows.shape[1]):
         q[j] = m.rows[KQ, j] * m.contacts.shapes[c, j]
@@ -123,24 +111,24 @@ def _mirror(under, c: int, d: int) -> None:
 
 @njit(cache=True, nogil=True)
 def fill_due(model: int, state: int, scratch: int, c: int) -> None:
-    """Responses of contacts and outputs to a force at contact c: lags[:, c], out_lags[:, c], and lags[c], which are mutual.
+    """Responses of contacts and outputs of an exact-hold model to a force at contact c: lags[:, c], out_lags[:, c], and
+    lags[c], which are mutual.
 
     Works in Scratch.modes.q, v and moved.
     """
     m, s, w = string_model(model), string_state(state), scratch_of(scratch)
     n, under, outputs = m.rows.shape[1], m.contacts, m.outputs
     q, v, spare = w.modes.q[:n], w.modes.v[:n], w.modes.moved.reshape(-1)[: 2 * BLOCK].reshape(2, BLOCK)
-    velocity = 0 if m.law == EXACT_HOLD else 1
     if s.due[c] == ROW_DUE:
         fill_row(model, state, c)
     zero, one = int(np.int64(0)), int(np.int64(1))  # literals would have it compiled once more for each
     for d in range(c):  # an earlier contact's force moves this one as this one's would move that
         if s.due[d]:
-            _strike(m, d, q, v)
-            fill_response(velocity, m.rows, q, v, under.shapes[c : c + 1], zero, spare, under.lags[c : c + 1, d])
+            strike(m, d, q, v)
+            fill_response(zero, m.rows, q, v, under.shapes[c : c + 1], zero, spare, under.lags[c : c + 1, d])
             _mirror(under, d, c)
-    _strike(m, c, q, v)
-    fill_response(velocity, m.rows, q, v, under.shapes, c, spare, under.lags[:, c])
+    strike(m, c, q, v)
+    fill_response(zero, m.rows, q, v, under.shapes, c, spare, under.lags[:, c])
     for d in range(c, under.size):
         _mirror(under, c, d)
     for p in range(outputs.first, outputs.first + outputs.points):

@@ -469,7 +469,8 @@ def _block(coupling: int, scratch: int, frames: int, at: int) -> int:
                     e.block.known[LASTS] = max(0, e.block.known[LASTS] - BLOCK)
                     speed, height = along(c, line, c.bridge.speed), along(c, line, c.bridge.beta)
                     dt = c.frame if by_frames else string_model(c.lines.model[line]).dt
-                    look_at_line(c.lines.model[line], c.lines.state[line], end, steps_of(c, e, line), dt, speed, height)
+                    model, state, steps = c.lines.model[line], c.lines.state[line], steps_of(c, e, line)
+                    look_at_line(model, state, end, scratch, steps, dt, speed, height)
         status = max(status, _frame(coupling, scratch, number, at))
         for place in range(1, touching + 1):
             if _is_used_up(end_at(c.lines.end[c.block.touching[place]])):

@@ -57,6 +57,7 @@ from synth.solver.laws import EXACT_HOLD
 from synth.solver.lcp import SOLVED, factorise, pivot, substitute
 from synth.solver.line_layers import answer_of_soft_line
 from synth.solver.line_rows import LEAST_PIVOT, MIX, act_on_rows, begin_rows, push_of_finger
+from synth.solver.line_tables import fill_contacts_looked_at
 from synth.solver.stepwise import finger_blend, finger_target, fly, push_modes
 from synth.solver.stringmodel import scratch_of, string_model, string_state
 from synth.solver.vectors import FAST, INNER, add, dot
@@ -66,9 +67,11 @@ _PULLED_BY_FRAMES = 4
 
 
 @njit(**INNER)
-def look_at_line(model: int, state: int, end: int, steps: int, dt: float, speed: float, height: float) -> None:
+def look_at_line(
+    model: int, state: int, end: int, scratch: int, steps: int, dt: float, speed: float, height: float
+) -> None:  # fmt: skip
     """The free rows of a line's contacts, finger and pull over K steps of dt [s] from its state, and the matrix of its
-    contacts.
+    contacts. Tables of contacts that are looked at for the first time are filled, in Scratch.modes.q and v.
 
     speed, height: of the end [m/s, m], as if it went on so.
     """
@@ -82,6 +85,7 @@ def look_at_line(model: int, state: int, end: int, steps: int, dt: float, speed:
         else:
             s.force[c] = 0.0
     e.counts[NEAR] = several
+    fill_contacts_looked_at(model, state, end, steps, scratch)
     finger = s.finger[0]
     e.counts[KIND] = SINGLE if several == 1 and finger.on == 0 and m.contacts.layers.shape[1] == 0 else SEVERAL
     look(n, rows, m.contacts.shapes, s.q, s.v, 0, e.block.near, several // 2 * 2, e.block.u)

@@ -24,20 +24,21 @@ from synth.solver.coupling import (
     HEARD_MODES,
     HELD_REACH,
     LOOKED_AT,
+    NEAR,
     RELIEF,
     RESTING,
     coupling_at,
     end_at,
     moving_modes,
 )
-from synth.solver.due_responses import fill_contact_matrix, fill_step, put_off
+from synth.solver.due_responses import ROW_DUE, fill_row, fill_step, put_off, strike
 from synth.solver.fingers import fill_grip
 from synth.solver.lanes import padded
 from synth.solver.laws import EXACT_HOLD
 from synth.solver.line_certificates import look_everywhere
 from synth.solver.line_culling import cull, fill_held_at_rest, held_at_rest
 from synth.solver.quick_coefficients import quick_coefficients
-from synth.solver.responses import complete_rows, fill_lags, fill_response, fill_rows
+from synth.solver.responses import complete_rows, fill_response, fill_rows
 from synth.solver.stringmodel import MOVING, scratch_of, string_model, string_state
 from synth.solver.vectors import FAST, INNER
 
@@ -76,32 +77,51 @@ def _fill_own(e, kind: int, moving: int, q, v, spare) -> None:
 
 
 @njit(cache=True, nogil=True, fastmath=FAST)
-def fill_looked_at(model: int, end: int, steps: int, scratch_q, scratch_v, spare) -> None:
-    """The responses of a line that is looked at, and takes so many steps a frame, to its end, from its model's rows and
-    End.kick, pull, flight, leverage, and its share. Work space (≥n,) and (2, K)."""
+def fill_looked_at(model: int, end: int, scratch_q, scratch_v, spare) -> None:
+    """The responses of a line that is looked at to its end, from its model's rows and End.kick, pull and flight, and its
+    share; those of its contacts wait. Work space (≥n,) and (2, K)."""
     m, e = string_model(model), end_at(end)
-    rows, n, kick, all_modes = m.rows, m.rows.shape[1], e.kick, e.flight.shape[1]
-    zero, one = int(np.int64(0)), int(np.int64(1))
+    all_modes, contacts = e.flight.shape[1], m.contacts.size
     _fill_own(e, LOOKED_AT, m.modes, scratch_q[:all_modes], scratch_v[:all_modes], spare)
-    q, v, pull = scratch_q[:n], scratch_v[:n], e.pull[:n].reshape(1, n)
-    contacts = m.contacts.size
     if contacts:
-        for j in range(n):
-            q[j] = rows[P12, j] * kick[j]
-            v[j] = rows[P22, j] * kick[j]
-        fill_response(zero, rows, q, v, m.contacts.shapes, zero, spare, e.responses.moved)
-        none = m.contacts.matrix.reshape(-1)[:0].reshape(0, 0)
-        fill_lags(one, rows, m.contacts.shapes, pull, none, q, v, spare, e.block.pulled)
-        to = e.responses
-        for c in range(contacts):
-            _fill_reach(steps, m.dt, e.leverage[c], e.block.pulled[0, c], to.moved[c], to.reach[c], to.drawn[c])
         after = scratch_q[: m.modes]  # extents after a unit push
-        extents(m.omega[: m.modes], rows[KQ], rows[KV], after)
+        extents(m.omega[: m.modes], m.rows[KQ], m.rows[KV], after)
         for c in range(contacts):
             own = 0.0
             for j in range(m.modes):
                 own += m.contacts.shapes[c, j] * m.contacts.shapes[c, j] * after[j]
             e.certificate.stirred[c] = np.sqrt(MARGIN * own)
+            e.responses.waits[c] = 1
+
+
+@njit(fastmath=FAST, **INNER)
+def fill_contacts_looked_at(model: int, state: int, end: int, steps: int, scratch: int) -> None:
+    """What waits of the contacts of a line that are looked at, End.block.near, `steps` a frame: their responses to its end
+    and its to them, from its model's rows and End.kick, pull and leverage, and their rows of the matrix. Works in
+    Scratch.modes.q and v."""
+    m, s, e, w = string_model(model), string_state(state), end_at(end), scratch_of(scratch)
+    rows, n, to = m.rows, m.rows.shape[1], e.responses
+    zero, one, spare = int(np.int64(0)), int(np.int64(1)), w.rows.spare
+    q, v, pull = w.modes.q[:n], w.modes.v[:n], e.pull[:n].reshape(1, n)
+    for i in range(e.counts[NEAR]):
+        c = e.block.near[i]
+        if s.due[c] == ROW_DUE:
+            fill_row(model, state, c)
+        if to.waits[c]:
+            _turn_end(n, rows, e.kick, q, v)
+            fill_response(zero, rows, q, v, m.contacts.shapes[c : c + 1], zero, spare, to.moved[c : c + 1])
+            strike(m, c, q, v)
+            fill_response(one, rows, q, v, pull, zero, spare, e.block.pulled)
+            _fill_reach(steps, m.dt, e.leverage[c], e.block.pulled[0], to.moved[c], to.reach[c], to.drawn[c])
+            to.waits[c] = 0
+
+
+@njit(inline="always")
+def _turn_end(n: int, rows, kick, q, v) -> None:
+    """q, v (n,) after a unit kick of the end and a step by these rows."""
+    for j in range(n):
+        q[j] = rows[P12, j] * kick[j]
+        v[j] = rows[P22, j] * kick[j]
 
 
 @njit(**INNER)
@@ -122,28 +142,24 @@ def _fill_reach(steps: int, dt: float, leverage: float, pulled, moved, reach, dr
 def fill_finger_end(model: int, state: int, end: int, steps: int, scratch_q, scratch_v, spare) -> None:
     """Responses between the finger whose weights the state has and the end; `fingers.fill_grip` fills its others."""
     m = string_model(model)
-    _fill_finger_end(m.rows, m.rows.shape[1], m.dt, model, state, end, steps, scratch_q, scratch_v, spare)
+    _fill_finger_end(m.rows, m.rows.shape[1], m.dt, state, end, steps, scratch_q, scratch_v, spare)
 
 
 @njit(fastmath=FAST, **INNER)
-def _fill_finger_end(rows, n: int, dt: float, model: int, state: int, end: int, steps: int, scratch_q, scratch_v, spare):
+def _fill_finger_end(rows, n: int, dt: float, state: int, end: int, steps: int, scratch_q, scratch_v, spare):
     """The same of n modes with these rows of a step of dt [s], so many a frame."""
-    m, s, e = string_model(model), string_state(state), end_at(end)
+    s, e = string_state(state), end_at(end)
     q, v = scratch_q[:n], scratch_v[:n]
     finger, zero, one = s.grip.weights[:n].reshape(1, n), int(np.int64(0)), int(np.int64(1))
-    for j in range(n):
-        q[j] = rows[P12, j] * e.kick[j]
-        v[j] = rows[P22, j] * e.kick[j]
+    _turn_end(n, rows, e.kick, q, v)
     fill_response(zero, rows, q, v, finger, zero, spare, e.responses.finger_moved)
     for j in range(n):
         q[j] = rows[4, j] * finger[0, j]
         v[j] = rows[5, j] * finger[0, j]
-    contacts = m.contacts.size
-    pulled = e.block.pulled[0, contacts:]
-    fill_response(one, rows, q, v, e.pull[:n].reshape(1, n), zero, spare, pulled)
+    fill_response(one, rows, q, v, e.pull[:n].reshape(1, n), zero, spare, e.block.pulled)
     lever = e.numbers[FINGER_LEVERAGE]
     to = e.responses
-    _fill_reach(steps, dt, lever, pulled[0], to.finger_moved[0], to.finger_reach[0], to.finger_drawn[0])
+    _fill_reach(steps, dt, lever, e.block.pulled[0], to.finger_moved[0], to.finger_reach[0], to.finger_drawn[0])
 
 
 @njit(cache=True, nogil=True)
@@ -157,13 +173,12 @@ def ensure_tables(coupling: int, line: int, scratch: int) -> None:
     if e.counts[DUE] == ALL_DUE:
         fill_step(model, e.sigma)
         if m.contacts.size > 0:
-            fill_contact_matrix(model, e.numbers[RELIEF])
-            put_off(model, c.lines.state[line])
+            put_off(model, c.lines.state[line], e.numbers[RELIEF])
     n = m.modes
     e.flight[:6, n:] = 0.0
     quick_coefficients(EXACT_HOLD, m.omega[:n], e.sigma[:n], m.mu, c.frame, e.flight)
     fill_rows(e.flight)
-    fill_looked_at(model, end, c.lines.steps[line], w.modes.q, w.modes.v, w.rows.spare)
+    fill_looked_at(model, end, w.modes.q, w.modes.v, w.rows.spare)
     e.counts[DUE] = READY
 
 
@@ -245,7 +260,7 @@ def go_by_frames(coupling: int, line: int, scratch: int) -> bool:
         for j in range(n):
             total += abs(m.contacts.shapes[k, j]) * q[j]
         s.grip.far[k] = MARGIN * (total + e.numbers[HELD_REACH])
-    _fill_finger_end(e.flight, n, c.frame, model, state, end, int(np.int64(1)), w.modes.q, w.modes.v, w.rows.spare)
+    _fill_finger_end(e.flight, n, c.frame, state, end, int(np.int64(1)), w.modes.q, w.modes.v, w.rows.spare)
     return True
 
 

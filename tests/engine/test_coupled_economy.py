@@ -8,6 +8,8 @@ from synth.engine.engine import Engine
 from synth.instrument.preset import Preset
 from synth.midi.events import BEND, CONTROL, NOTE_OFF, NOTE_ON
 from synth.solver import coupling
+from synth.solver.block_rows import BLOCK
+from synth.solver.due_responses import ROW_DUE, fill_all_rows
 from synth.solver.laws import EXACT_HOLD, coefficients, contact_matrix
 from synth.solver.line_certificates import certify_line
 from synth.solver.line_tables import ALL_DUE, READY, ensure_tables
@@ -114,6 +116,9 @@ def test_tables_that_waited_are_those_of_the_bend(line: int) -> None:
     assert end.counts[coupling.ENGAGED] == 0 and end.counts[coupling.DUE] == ALL_DUE
     ensure_tables(address_of(made), line, int(made._thread_table.ctypes.data))
     assert end.counts[coupling.DUE] == READY
+    lines = made._strings.bridges.couplings[0].lines
+    assert (string.due == ROW_DUE).all()
+    fill_all_rows(int(lines.model[line]), int(lines.state[line]))
     model = made._strings.models[made._sounding.hands["model"][line]]
     own, n, contacts = made._strings.coefficients.items[line], model.modes, model.contacts.size
     ratio = 2.0 ** (made._sounding.expressions["bend"][line] / 12.0)
@@ -132,6 +137,41 @@ def test_tables_that_waited_are_those_of_the_bend(line: int) -> None:
     contact_matrix(EXACT_HOLD, step, np.ascontiguousarray(under.shapes[:, :n]), under.residual / ratio**2, matrix)
     np.testing.assert_allclose(own.matrix[: contacts**2].reshape(contacts, contacts), matrix, rtol=1e-9)
     assert string.due[:contacts].all()
+
+
+def test_responses_of_contacts_are_those_of_the_bend_where_they_are_looked_at() -> None:
+    """Of a line that is bent over frets: gaps after a kick of its end, and what a force does to the bridge."""
+    made = engine(NECK)
+    bends = [(1000 + 64 * k, BEND, 0, 60 * k) for k in range(30)]
+    seen = 0
+    for rows in ([(0, NOTE_ON, 0, 29, 127), (0, NOTE_ON, 0, 34, 120)], *[[(0, *row[1:])] for row in bends]):
+        play(made, rows, 64)
+        for line, end in enumerate(ends_of(made)):
+            if end.counts[coupling.KIND] < coupling.SINGLE or not end.counts[coupling.NEAR]:
+                continue
+            model = made._strings.models[made._sounding.hands["model"][line]]
+            own, n = made._strings.coefficients.items[line], model.modes
+            bent = made._sounding.expressions["bend"][line] != 0.0
+            rows_of = own.rows[: model.rows.size].reshape(model.rows.shape) if bent else model.rows
+            p11, p12, p21, p22, kq, kv = (each[:n] for each in rows_of[:6])
+            steps = int(made._strings.bridges.couplings[0].lines.steps[line])
+            for c in end.block.near[: end.counts[coupling.NEAR]]:
+                assert not end.responses.waits[c]
+                shape, lever = model.contacts.shapes[c, :n], end.leverage[c]
+                q, v = p12 * end.kick[:n], p22 * end.kick[:n]
+                struck_q, struck_v = kq * shape, kv * shape
+                pulled = []
+                for step in range(BLOCK):
+                    moved = shape @ q + lever * model.dt * (step + 1)
+                    assert end.responses.moved[c, BLOCK + step] == pytest.approx(moved, rel=1e-7, abs=1e-13)
+                    pulled.append(end.pull[:n] @ struck_v)
+                    q, v = p11 * q + p12 * v, p21 * q + p22 * v
+                    struck_q, struck_v = p11 * struck_q + p12 * struck_v, p21 * struck_q + p22 * struck_v
+                for step in range(steps):
+                    reach = lever / steps - pulled[steps - 1 - step] / (steps * model.dt)
+                    assert end.responses.reach[c, step] == pytest.approx(reach, rel=1e-7, abs=1e-9)
+                seen += bent
+    assert seen > 20
 
 
 def test_a_bend_keeps_no_string_awake_to_its_frets() -> None:
