@@ -62,7 +62,7 @@ class Way:
     not_run: str = ""
 
 
-_NO_CARD = Way("live", r"no audio output|audio output", (2,))
+_NO_CARD = Way("live", r"audio output|needs the library PortAudio", (2,))
 _FIGURE = Way(not_run="the source of a figure, minutes; tests of its own run it")
 _NAME = Way(not_run="the name of a command")
 
